@@ -21,7 +21,7 @@ from simulator.effects.coordinates import Candidate
 
 @dataclass(frozen=True)
 class Answer:
-    """A verdict with what it rests on; the fields are those of Diagnosis."""
+    """A verdict with its evidence; fields as in Diagnosis."""
 
     verdict: Verdict
     reason: str
@@ -37,7 +37,7 @@ class Answer:
 
 
 def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> Answer:
-    """What a search over all runs says; free: the free-form terms that were tried."""
+    """The answer of a search over all runs; free: the free-form terms that were tried."""
     table, named = rank_named(search, len(free))
     least_material = material_gain(len(search.runs)) if search.problem.open_ground else -math.inf
     chosen, verdict, reason = decide(search, table, len(free), named, least_material)
@@ -70,9 +70,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
 
 
 def too_few_runs(search: Search, ids: Set, session: Session) -> str:
-    """Why the runs are too few to say that something without a name is missing; empty where they are not.
+    """Why the runs are too few for the verdict "unknown"; empty if they suffice.
 
-    ids: the set that would explain it.
+    ids: the set that would explain the disagreement.
     """
     parameters = sum(search.terms[effect].size for effect in ids if is_free(effect))
     law = adequacy(search.fits[ids], session.data) if parameters and ids in search.fits else None

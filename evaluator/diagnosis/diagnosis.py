@@ -70,12 +70,12 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each that may be set aside: one in twenty goes wrong
+RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Everything that a diagnosis found out; what is not applicable is None or empty."""
+    """Result of a diagnosis; fields that do not apply are None or empty."""
 
     verdict: Verdict
     reason: str
@@ -87,7 +87,7 @@ class Diagnosis:
     standing: Standing | None = None
     chosen: Set = frozenset()
     named: Set = frozenset()  # the best set of named effects
-    profiles: Mapping[str, Profile] = field(default_factory=dict)  # of effects that the linear view does not describe
+    profiles: Mapping[str, Profile] = field(default_factory=dict)  # of effects whose posterior is not normal
     separation: Mapping[str, Mapping[str, float]] | None = None
     leftover: Adequacy | None = None
     gap: Gap | None = None
@@ -95,17 +95,17 @@ class Diagnosis:
     terms: Mapping[str, Candidate] | None = None
     pieces: pd.DataFrame | None = None
     where: tuple[Dependence, ...] = ()
-    pieces_after: pd.DataFrame | None = None  # of what the chosen model, fitted on all runs, leaves over
-    left: tuple[Dependence, ...] = ()  # all that was asked of that, significant or not
+    pieces_after: pd.DataFrame | None = None  # with the residuals of the chosen model, fitted to all runs
+    left: tuple[Dependence, ...] = ()  # all tested dependences of pieces_after, significant or not
     next_runs: NextRuns | None = None
-    outlying: tuple[int, ...] = ()  # runs that the chosen model does not follow
-    follows: bool = True  # whether the chosen model follows nearly all runs
+    outlying: tuple[int, ...] = ()  # runs that the chosen model does not explain
+    follows: bool = True  # whether the chosen model explains nearly all runs
     constancy: tuple[Constancy, ...] = ()  # of the best named effects
-    changes: Mapping[str, Changes] = field(default_factory=dict)  # what each detected effect does
-    negligible: Set = frozenset()  # detected effects that do less than matters
-    known: tuple[Knowledge, ...] = ()  # where the data want what is known to a tolerance
-    known_together: Together | None = None  # all of it at once
-    stopped: bool = False  # whether its time was over before it came to an end
+    changes: Mapping[str, Changes] = field(default_factory=dict)  # largest changes by each detected effect
+    negligible: Set = frozenset()  # detected effects that are not relevant
+    known: tuple[Knowledge, ...] = ()  # fitted values of quantities known to a tolerance
+    known_together: Together | None = None  # joint test of these
+    stopped: bool = False  # whether it was stopped by the time limit
 
     @property
     def fit(self) -> Fit:
@@ -122,19 +122,20 @@ class Diagnosis:
 def diagnose(
     session: Session, progress: Progress, fits: FitCache | None = None, *, seconds: float = math.inf, cores: int = 1
 ) -> Diagnosis:
-    """Find out what is missing in the model of these runs.
+    """Find the effect that the model of these runs lacks.
 
-    fits: the fits made before an interruption. seconds: of processor time, after which a search is stopped and the
-    verdict is that the data have not decided yet. cores: to simulate on; the diagnosis does not depend on them.
+    fits: cache of fits from before an interruption. seconds: processor time after which a search is stopped with the
+    verdict "insufficient". cores: for simulations; the result does not depend on them.
 
-    What rests on one run alone is a matter of that run: it is set aside and named, and the others are diagnosed again.
+    If a finding depends on a single run, this run is excluded and reported as outlying, and the others are diagnosed
+    again.
     """
     with Cores(cores) as each:
         return _on_all_but_sole_runs(session, Watch(progress, seconds, each), fits)
 
 
 def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis that does not rest on one run alone."""
+    """The diagnosis after exclusion of single runs on which a finding depends."""
     found = _diagnosed(session, watch, fits)
     for _ in range(max(len(session.data) // RUNS_TO_AN_OUTLYING_ONE, 1)):
         suspect = _sole_run_of(found)
@@ -153,9 +154,9 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
 
 
 def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
-    """The diagnosis of all runs but one; None where these others do not need fewer effects to be explained.
+    """The diagnosis of all runs except one; None if these do not need fewer effects.
 
-    Where time is over before they are diagnosed, nothing has been decided.
+    If the time limit is reached before, the verdict is "insufficient".
     """
     data, robots = found.session.data, found.session.robots
     others = [number for number in range(len(data)) if number != suspect]
@@ -183,14 +184,14 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
 
 
 def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
-    """Whether what the other runs say of the robot follows a run as well: then nothing is wrong with it."""
+    """Whether the model fitted to the other runs also explains a run, which is then not outlying."""
     search = found.search
     assert search is not None
     return is_followed(search.problem, again.fit, found.fit.point.per_run, run, search.tolerance)
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:
-    """The run on which an effect, named or not, rests alone, or but for which the model leaves no more than noise."""
+    """The single run on which an effect depends, or without which the residuals are noise; None if there is none."""
     if found.search is None or found.terms is None or found.verdict not in ("effect", "unknown"):
         return None
     sole = sole_run(found.search, found.chosen, sum(map(is_free, found.terms)))
@@ -205,15 +206,15 @@ def _sole_run_of(found: Diagnosis) -> int | None:
 
 
 def _sole_gains_of(found: Diagnosis, left: Adequacy) -> int | None:
-    """The run whose wheel speeds alone differ, by more than chance and more than matters here.
+    """The only run whose wheel speeds differ significantly and relevantly from the others; None if there is none.
 
-    What a model that does not follow the marks says of wheel speeds is worth nothing.
+    Also None if the model does not explain the marks, since its wheel speeds are then meaningless.
     """
     return None if not found.follows else sole_gains(left, found.fit.runs, found.session.relevant.speed_percent)
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis of the runs of a session, as they are."""
+    """The diagnosis of all runs of a session, without exclusions."""
     reasons = shortcomings(session.data, session.skipped)
     if reasons:
         reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
@@ -225,7 +226,7 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
 
 
 def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis of runs that may decide."""
+    """The diagnosis of runs that are sufficient for a search."""
     ready = prepared(session, progress, fits)
     free = ready.free
     if ready.problem.open_ground:
@@ -263,7 +264,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
 
 
 def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
-    """The diagnosis with the gap before and after, on fitted runs and on those held out, and where it shows."""
+    """The diagnosis with the gap before and after, on fitted and on held-out runs, and its dependences."""
     part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
     assert part is not None
     assert everything is not None
@@ -310,11 +311,11 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
 
 
 def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
-    """The diagnosis, or what speaks against it: what is missed, a gap that grew, marks that are not followed."""
+    """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
     assert found.gap is not None
     assert found.search is not None
     if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
-        # a term without a name that does not carry over to runs held out says nothing of what is missing
+        # a free-form term that does not predict held-out runs does not describe what is missing
         return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):
         return found

@@ -1,4 +1,4 @@
-"""Preparation of the runs of an experiment for a diagnosis, and reasons why one cannot be diagnosed."""
+"""Preparation of the runs of an experiment for a diagnosis, and reasons why an experiment cannot be diagnosed."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from simulator.robot import Robot, load_robot
 Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 12
-# A lidar of 5 Hz gives seven to eleven poses in two seconds. Every three are a mode of each coordinate and of heading
-# (features.compression); two of each are twice what a start pose takes, one of each leaves nothing.
+# A 5 Hz lidar gives seven to eleven poses in two seconds. Three poses give one mode of each coordinate and of the
+# heading (features.compression). The start pose uses up one mode of each, so that two are needed.
 FEWEST_POSES = 6
 FEWEST_RUNS = 4
 FEWEST_COMMANDS = 2
@@ -38,9 +38,9 @@ ONE_PLACE = 1e-6  # of the distance of the marks: a rounding in the file, far be
 
 @dataclass(frozen=True)
 class Session:
-    """Runs that can be used, in the order of the experiment, their robots, and why others cannot be used.
+    """Usable runs, in the order of the experiment, their robots, and reasons why others cannot be used.
 
-    known: what the laboratory knows only to within a tolerance; start_sigma_s: the same of the start of a single run.
+    known: quantities that the laboratory knows to a tolerance; start_sigma_s: uncertainty of the start of a single run.
     """
 
     data: tuple[RunData, ...]
@@ -50,14 +50,14 @@ class Session:
     start_sigma_s: float = 0.0
     mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
     relevant: Relevant = field(default_factory=Relevant)
-    left_out: Mapping[str, str] = field(default_factory=dict)  # good runs of which a diagnosis makes no use, and why
-    own: tuple[str, ...] = ()  # ids of the user's own effects, tried like those of the catalogue
+    left_out: Mapping[str, str] = field(default_factory=dict)  # usable runs that are not used, with the reason
+    own: tuple[str, ...] = ()  # ids of effects of the user, tried like those of the catalogue
 
     @property
     def one_frame(self) -> bool:
-        """Whether the runs share a frame: not where the poses of each begin at the origin of its own.
+        """Whether the runs share a frame: not if the poses of every run begin exactly at the same place.
 
-        No measurement finds the robot in one place to a millionth of its size run after run.
+        No measurement repeats a position to a millionth of the robot's size.
         """
         starts = np.array([run.marks_mm[0] for run in self.data if run.from_poses])
         if len(starts) < max(len(self.data), 2):
@@ -67,7 +67,7 @@ class Session:
 
     @property
     def tolerance(self) -> dict[str, float]:
-        """1-sigma tolerances of what may move: nominal values, errors that runs share, what is known to a tolerance."""
+        """1-sigma tolerances of free parameters: nominal values, errors that runs share, quantities of [known_to]."""
         if not self.robots:
             return {}
         stated = {key: value for key, value in self.robots[0].tolerance.items() if value > 0}
@@ -77,7 +77,7 @@ class Session:
 
 
 def without_mistakes(session: Session) -> Session:
-    """The session without the runs in which a mistake is recognised, each named in mistakes."""
+    """The session without runs that contain a mistake; these are listed in mistakes."""
     found = recognise(session.data, session.robots)
     wrong = {run for item in found for run in item.runs}
     keep = [k for k, run in enumerate(session.data) if run.id not in wrong]
@@ -86,7 +86,7 @@ def without_mistakes(session: Session) -> Session:
 
 
 def with_knowledge(session: Session, known: KnownTo) -> Session:
-    """The session with what its laboratory knows only to within a tolerance as parameters."""
+    """The session with quantities known to a tolerance as parameters."""
     if not session.data:
         return session
     found = quantities(known, session.robots[0], session.data)
@@ -114,7 +114,7 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             continue
         try:
             table = reference_marks(read_marks(marks[run.id]), robots[name])
-        except InputError as error:  # a recording that cannot be read is a fault of its run, not of the experiment
+        except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
         values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float)
@@ -184,9 +184,9 @@ def _check_tolerances(robots: Sequence[Robot]) -> None:
 
 
 def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = None) -> list[str]:
-    """Reasons why these runs cannot decide, whatever they show; empty where they can.
+    """Reasons why these runs are insufficient for any verdict; empty if they suffice.
 
-    skipped: why runs were left out, by id.
+    skipped: reasons why runs were left out, by id.
     """
     reasons = []
     moving = [run for run in data if run.left_rpm or run.right_rpm]
@@ -202,7 +202,7 @@ def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = No
 
 
 def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
-    """Numbers of the runs of every command, in the order of the experiment."""
+    """Indices of the runs of every command, in the order of the experiment."""
     groups: dict[tuple[float, float], list[int]] = {}
     for number, run in enumerate(data):
         groups.setdefault(run.command, []).append(number)
@@ -210,10 +210,10 @@ def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[i
 
 
 def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Whole runs to hold out: about a sixth, chosen by their commands alone, before anything is fitted.
+    """Runs to hold out: about a sixth, chosen by their commands before any fit.
 
-    First all runs of one command (a speed, a side or a direction that is then not fitted), where others still cover its
-    direction; then single repeats of other commands, spread over the session.
+    First all runs of one command (a speed, side or direction that is then not fitted), if others cover its direction;
+    then single repeats of other commands, spread over the session.
     """
     wanted = len(data) // 6 if len(data) >= 6 else 0
     if not wanted:

@@ -18,8 +18,8 @@ from evaluator.diagnosis.assessment.model_comparison import (
     standing,
 )
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named
-from evaluator.diagnosis.candidates.already_said import is_said_by, named_that_say_no_more
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
+from evaluator.diagnosis.candidates.equivalent_terms import included_named_effects, is_included_in
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session, held_out_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
@@ -98,10 +98,10 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     every = named_terms(_reach(session), _levels(session), session.own, size, one_frame=frame)
     named = {effect: term for effect, term in every.items() if effect not in given}
     own = [EFFECTS[effect] for effect in session.own]
-    said = {effect for item in own for effect in named_that_say_no_more(item)}
+    said = {effect for item in own for effect in included_named_effects(item)}
     named = {effect: term for effect, term in named.items() if effect not in said}
     forms = free_terms(size, one_frame=frame)
-    new = {form: term for form, term in forms.items() if not any(is_said_by(term, effect) for effect in own)}
+    new = {form: term for form, term in forms.items() if not any(is_included_in(term, effect) for effect in own)}
     terms: dict[str, Candidate] = {**named, **new}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)

@@ -14,11 +14,11 @@ from simulator.effects.coordinates import Candidate, Scene
 from simulator.effects.parameter import PAPER_SIZE, Size
 from simulator.robot import Robot
 
-USUAL_LOAD_MN = 53.9  # on the wheels of the paper's barrel robot: 4.9 mN of weight, 49 mN of attraction
+USUAL_LOAD_MN = 53.9  # load on the wheels of the paper's barrel robot: weight 4.9 mN, attraction 49 mN
 
 
 def size_of(robot: Robot) -> Size:
-    """How large a robot is beside the paper's; of one in whose units the kernels need not change, the paper's."""
+    """Size of a robot relative to the paper's; PAPER_SIZE for robots with the same units of the kernels."""
     places = robot.wheel_positions_mm()
     if time_unit_s(places) == 1.0:
         return PAPER_SIZE
@@ -35,12 +35,12 @@ def named_terms(
     *,
     one_frame: bool = True,
 ) -> dict[str, Candidate]:
-    """All effects of the catalogue as candidates, by id, and those of the user's own.
+    """All effects of the catalogue, and those of the user, as candidates by id.
 
-    reach_mm: how far from the origin the robot moved, for the places an attraction may sit. command_levels_rpm: the
-    different |rpm| that were commanded; a dead band can only lie between them. size: of the robot; who writes an own
-    effect states its steps and bounds for it. one_frame: whether the runs share a frame; in frames of their own they
-    cannot show effects of the plate, which are left out; on the plate those of open ground are.
+    reach_mm: largest distance of the robot from the origin, for positions of an attraction. command_levels_rpm:
+    distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
+    effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
+    omitted. On a plate, effects of open ground are omitted.
     """
     scene = Scene(reach_mm, command_levels_rpm, size)
     as_stated = replace(scene, size=PAPER_SIZE)

@@ -1,8 +1,8 @@
-"""Free-form terms: physics and measurement errors that have no name in the catalogue.
+"""Free-form terms: physics and measurement errors that are not in the catalogue.
 
-The grammar of simulator.dynamics.terms, {where it acts} × {what it depends on} × {pattern over the wheels}, spanned by
-families of one to four terms that belong together (a moment over heading: cosine and sine). What a catalogued effect
-already says is left out, so a family that wins says something that no named effect can.
+The terms of simulator.dynamics.terms, {channel} × {basis} × {pattern over the wheels}, in families of one to four terms
+that belong together (a moment over heading: cosine and sine). Families equivalent to an effect of the catalogue are
+omitted, so that a family describes something that no named effect can.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from simulator.effects.parameter import PAPER_SIZE, Size
 Floats = NDArray[np.float64]
 
 PREFIX = "free:"
-# A visible but linear size of every channel in its file unit, for a basis of size one and a robot of the paper's size.
+# Steps: for every channel, in its file unit, a size with a visible and linear response, for a basis of size one and a
+# robot of the paper's size.
 CHANNEL_STEP = {
     "force_forward": 0.02,
     "force_left": 0.02,
@@ -42,8 +43,8 @@ CHANNEL_STEP = {
     "left_drive": 0.002,
     "right_drive": 0.002,
 }
-# What is relative keeps its sign, and stays within what a wheel can be: a law of another shape may be several times as
-# stiff at first.
+# Bounds of relative changes: the sign is preserved, and values are plausible for a wheel. A slip law of another shape
+# may have several times the initial stiffness.
 RELATIVE = {
     "speed": (-0.6, 0.6),
     "load": (-0.9, 2.0),
@@ -131,13 +132,13 @@ class Item:
 
     @property
     def name(self) -> str:
-        """The item in the grammar: channel.basis, the pattern where it is not common, = and its twin."""
+        """Notation of the item: channel.basis, the pattern unless it is common, = and its twin."""
         own = f"{self.channel}.{self.basis}" + ("" if self.pattern == "common" else f".{self.pattern}")
         return own if self.twin is None else f"{own}={self.twin.name}"
 
     @property
     def of_plate(self) -> bool:
-        """Whether it acts by the place or the direction of the robot on the plate."""
+        """Whether it depends on the robot's position or direction on the plate."""
         return is_of_plate(CHANNELS[self.channel], BASES[self.basis])
 
 
@@ -148,7 +149,7 @@ class FreeTerm(Candidate):
     items: tuple[Item, ...] = ()
 
     def kernel_terms(self, values: Sequence[float]) -> list[KernelTerm]:
-        """Terms of the kernel at these coefficients, in file units."""
+        """Terms of the kernel for these coefficients, given in file units."""
         result = []
         for item, value in self.acting(values):
             channel = CHANNELS[item.channel]
@@ -157,7 +158,7 @@ class FreeTerm(Candidate):
         return result
 
     def acting(self, values: Sequence[float]) -> list[tuple[Item, float]]:
-        """Every place where a coefficient acts, with its value."""
+        """Every item on which a coefficient acts, with its value."""
         return [
             (part, float(value))
             for item, value in zip(self.items, values, strict=True)
@@ -187,7 +188,7 @@ class FreeTerm(Candidate):
 
 
 def free_terms(size: Size = PAPER_SIZE, *, one_frame: bool = True) -> dict[str, FreeTerm]:
-    """All families by id, with the steps and bounds of a robot of a size.
+    """All families by id, with steps and bounds for the size of a robot.
 
     one_frame: whether the runs share a frame; otherwise without families that depend on the plate.
     """
@@ -196,7 +197,7 @@ def free_terms(size: Size = PAPER_SIZE, *, one_frame: bool = True) -> dict[str, 
 
 
 def own_commands(*, alike: bool) -> FreeTerm:
-    """The rotation of each side by its own command, with one coefficient for both sides or with two."""
+    """Rotation of each side in proportion to its command; alike: one coefficient for both sides instead of two."""
     left, right = (Item(*place) for place in OWN_COMMAND)
     return _family((replace(left, twin=right),) if alike else (left, right), PAPER_SIZE)
 
@@ -222,7 +223,7 @@ def coefficient(name: str, item: Item, size: Size = PAPER_SIZE) -> Coordinate:
 
 
 def unit_of_coefficient(channel: str, basis: str) -> str:
-    """Unit of a coefficient, as it is shown: 1 is not said."""
+    """Unit of a coefficient for display; empty for 1."""
     unit, per = CHANNEL_WORDS[channel][1], BASIS_WORDS[basis][1]
     if unit == "rpm" and per == "/rpm":
         return ""
@@ -276,7 +277,7 @@ def _families() -> Iterator[tuple[Item, ...]]:
         yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
     yield from each("steer", "one", pattern="driven")
     yield from each("steer", "one", pattern="driven-left-right")
-    # a load that one diagonal takes from the other is what magnet-imbalance does, to a fifth of a sigma
+    # a load shifted from one diagonal to the other is magnet-imbalance, to a fifth of a sigma
     for pattern in ("front-rear", "driven-left-right"):
         yield from each("load", "one", pattern=pattern)
     # of all wheels alike, load would act as nothing where the law is normalized by it

@@ -18,20 +18,20 @@ Floats = NDArray[np.float64]
 
 DURATION_S = 8.0  # of driving, where the plate is long enough
 SHORTEST_S = 2.0
-STEPS_PER_S = 10  # of the path that must have room
+STEPS_PER_S = 10  # of the path, to test whether it stays on the plate
 REST_S = 0.5
 HEADINGS_DEG = tuple(range(0, 360, 45))
 MOST_LEVELS = 8  # one more than the speeds of the paper's straight runs
 SHARES = (1.0, 0.7, 0.4)  # of the faster wheel's speed: straight, a wide turn, a tight turn
-PIVOTS = (0.0, -1.0)  # about the wheel that stands still, and on the spot
-# Middle and corners of the room that a run leaves free, as shares of its half widths.
+PIVOTS = (0.0, -1.0)  # of the faster wheel's speed: a turn about the resting wheel, and on the spot
+# Positions of a run in the room: middle and corners, as shares of the half widths that its path leaves free.
 MIDDLE = (0.0, 0.0)
 CORNERS = ((0.9, 0.9), (-0.9, -0.9), (0.9, -0.9), (-0.9, 0.9))
 
 
 @dataclass(frozen=True)
 class CandidateRun:
-    """A run that could be made: command, start pose of the robot's centre, and how long it drives."""
+    """A possible run: command, start pose of the robot's centre, and duration."""
 
     left_rpm: float
     right_rpm: float
@@ -48,20 +48,20 @@ class CandidateRun:
 
 @dataclass(frozen=True)
 class Room:
-    """The part of the plate over which marks may go: its middle and half widths, plate frame, mm."""
+    """The part of the plate available to the marks: its middle and half widths, plate frame, mm."""
 
     middle_mm: tuple[float, float]
     half_mm: tuple[float, float]
 
     @staticmethod
     def of_plate(size_mm: tuple[float, float], margin_mm: float) -> Room:
-        """A plate of this size about the origin, less a margin all round."""
+        """A plate of this size about the origin, without a margin on each side."""
         x, y = (max(size / 2 - margin_mm, 0.0) for size in size_mm)
         return Room((0.0, 0.0), (x, y))
 
     @staticmethod
     def of_marks(marks_mm: Sequence[Floats]) -> Room:
-        """Where the marks (n, 4) of runs have been."""
+        """The area covered by the marks (n, 4) of runs."""
         points = np.concatenate([item.reshape(-1, 2) for item in marks_mm])
         low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
         middle, half = (low + high) / 2, (high - low) / 2
@@ -71,9 +71,8 @@ class Room:
 def commands_at(levels_rpm: Sequence[float], *, pivots: bool = False) -> list[tuple[float, float]]:
     """Straight runs and turns to both sides, forward and backward, at these levels, the highest and half of it.
 
-    Of a log in which hardly a command returns, MOST_LEVELS levels stand for all.
-
-    pivots: also turns in which one wheel stands still or turns backward, for a rig whose wheels are driven apart.
+    Of many levels (a log in which commands hardly repeat), MOST_LEVELS are used. pivots: also turns in which one wheel
+    stands still or turns backward, for robots whose sides are driven independently.
     """
     top = max(levels_rpm)
     shares = SHARES + PIVOTS if pivots else SHARES
@@ -93,10 +92,10 @@ def placed(
     room: Room,
     places: Sequence[tuple[float, float]],
 ) -> Iterator[CandidateRun]:
-    """The run from every heading, its path as a whole at every place; shorter where the room is too small for it.
+    """Runs at every start heading and position, shortened if the room is too small.
 
-    places: of the middle of the path, as shares of what the path leaves free. Headings at which not even SHORTEST_S of
-    driving fit are left out, and so is a command at which chance decides how the robot turns.
+    places: of the middle of the path, as shares of the half widths that the path leaves free. Headings at which not
+    even SHORTEST_S of driving fit are omitted, and so are commands at which chance decides how the robot turns.
     """
     half, path = np.array(room.half_mm), _path(robot, command)
     if path is None:
@@ -113,7 +112,7 @@ def placed(
 
 
 def _reach(path: Floats, heading_deg: float, seconds: float) -> tuple[Floats, Floats]:
-    """Lowest and highest x, y (2,) that the marks come to from the origin at a heading."""
+    """Smallest and largest x, y (2,) of the marks on a path from the origin at a heading."""
     points = path[: int(seconds * STEPS_PER_S) + 1].reshape(-1, 2)
     angle = np.radians(heading_deg)
     turned = points @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -121,7 +120,7 @@ def _reach(path: Floats, heading_deg: float, seconds: float) -> tuple[Floats, Fl
 
 
 def _path(robot: Robot, command: tuple[float, float]) -> Floats | None:
-    """Marks (n, 4) of a run from the origin at heading 0; None where the smallest disturbance decides how it turns."""
+    """Marks (n, 4) of a run from the origin at heading 0; None if an arbitrarily small disturbance decides its turn."""
     times = np.arange(DURATION_S * STEPS_PER_S + 1) / STEPS_PER_S
     run = simulate(robot, Command.constant(*command, 0.0), times)
     if run.is_by_chance:

@@ -1,9 +1,9 @@
 """The runs that would distinguish the remaining models, and models that no runs of this rig would distinguish.
 
-Candidate runs are simulated under the chosen model. What no parameter of a rival within its present uncertainty, no
-start pose and no run-to-run scatter can imitate, over the tracking noise, is what a run tells; runs are added one by
-one, repeats allowed, until what they tell together with the runs at hand is enough. Greedy choice is near the best
-possible: Krause, Singh & Guestrin (2008), J. Mach. Learn. Res. 9, 235.
+Candidate runs are simulated with the chosen model. The information of a run is the part of the prediction, relative to
+the tracking noise, that a rival cannot imitate by parameters within their present uncertainty, start pose and
+run-to-run scatter. Runs are added one by one, repeats allowed, until they suffice together with the existing runs.
+Greedy choice is close to optimal: Krause, Singh & Guestrin (2008), J. Mach. Learn. Res. 9, 235.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ Floats = NDArray[np.float64]
 RATE_HZ = 20.0
 RIVAL_PROBABILITY = 0.02
 MOST_RIVALS = 3
-RIDGE = 1e-10  # of a matrix of ones on the diagonal: parameters that stand for each other have no own solution
-MOST_RUNS = 8  # an afternoon's worth; what they cannot separate is called inseparable
-# One sigma above what counts as separated: sizes and scatter are known by some ten per cent when runs are proposed.
+RIDGE = 1e-10  # regularization of a matrix with unit diagonal, for parameters that are equivalent
+MOST_RUNS = 8  # an afternoon's work; rivals that they cannot exclude count as inseparable
+# One sigma more than counts as separated, because sizes and scatter are known to some ten per cent only.
 ENOUGH_SIGMAS = SAME_SIGMAS + 1.0
 
 
@@ -61,11 +61,11 @@ def hypothetical(
     known: Sequence[Quantity] = (),
     start_sigma_s: float = 0.0,
 ) -> tuple[Problem, Point]:
-    """A problem of runs that were not made; their measured marks are what the point predicts.
+    """A problem of hypothetical runs, whose measured marks are the prediction at a point.
 
-    orders: the place of each run in its session. known, start_sigma_s: what the laboratory that makes them knows to
-    within a tolerance, and how well it knows the start of each run. like: of a session of the same laboratory, instead
-    of start_sigma_s.
+    orders: number of each run in its session. known, start_sigma_s: quantities that the laboratory knows to a
+    tolerance, and uncertainty of the start of each run. like: a session of the same laboratory, instead of
+    start_sigma_s.
     """
     times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
     data = tuple(
@@ -89,7 +89,7 @@ def hypothetical(
 
 @dataclass(frozen=True)
 class Rival:
-    """A fitted model that the data leave possible, and how far the runs at hand keep it away, in sigmas."""
+    """A fitted model that the data do not exclude, and its separation from the chosen one by existing runs, sigmas."""
 
     fit: Fit
     at_hand_sigmas: float = 0.0
@@ -97,10 +97,10 @@ class Rival:
 
 @dataclass(frozen=True)
 class Information:
-    """What candidate runs, and the runs at hand, tell of p parameters with which a rival imitates the chosen model.
+    """Information of candidate and existing runs about p parameters with which a rival imitates the chosen model.
 
-    Misfit (n,), slope (n, p) and curvature (n, p, p) of -2 log density of every candidate; the same of all runs at hand
-    together: known_misfit, known_slope (p,), known (p, p).
+    Misfit (n,), slope (n, p) and curvature (n, p, p) of -2 log density for every candidate; the same for all existing
+    runs together: known_misfit, known_slope (p,), known (p, p).
     """
 
     misfit: Floats
@@ -111,7 +111,7 @@ class Information:
     known: Floats
 
     def squares(self, made: Sequence[int]) -> Floats:
-        """Squared separation, (n,), once the candidates made and one more, each in turn, are there."""
+        """Squared separation, (n,), after the candidates `made` and each candidate in addition."""
         taken = list(made)
         misfit = self.misfit + self.misfit[taken].sum() + self.known_misfit
         slope = self.slope + self.slope[taken].sum(axis=0) + self.known_slope
@@ -124,9 +124,9 @@ class Information:
 
 
 def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
-    """What the runs of a problem, made as placed, tell of a rival, seen from where it was fitted.
+    """Information of the runs of a problem about a rival, linearized at the rival's fit.
 
-    A run that cannot be simulated tells nothing.
+    Runs that cannot be simulated have no information.
     """
     fit = rival.fit
     at = np.array([fit.point.value(column) for column in fit.columns])
@@ -138,9 +138,9 @@ def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
 
 
 def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, rival: Rival) -> Information:
-    """Information about a rival, linearized at the chosen model: what of its response the rival cannot imitate.
+    """Information about a rival, linearized at the chosen model: the response that the rival cannot imitate.
 
-    Where a rival predicts a jump to another steady state, the view from its fit alone is too hopeful.
+    If a rival predicts a jump to another steady state, linearization at its fit alone is too optimistic.
     """
     terms = [
         search.terms[effect] for effect in sorted(chosen.terms | rival.fit.terms) if not search.terms[effect].stepwise
@@ -163,7 +163,7 @@ def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, ri
 
 
 def _inner(problem: Problem, point: Point, columns: Sequence[Column], scatter: Floats) -> tuple[Floats, Floats, Floats]:
-    """Inner products (n,), (n, p), (n, p, p) of the runs of a problem; nought for those that cannot be simulated."""
+    """Inner products (n,), (n, p), (n, p, p) of the runs of a problem; 0 for those that cannot be simulated."""
     views = problem.attempted(point, columns, range(len(problem.data)))
     sound = [run for run, view in enumerate(views) if view is not None]
     count, size = len(views), len(columns)
@@ -175,9 +175,9 @@ def _inner(problem: Problem, point: Point, columns: Sequence[Column], scatter: F
 
 @dataclass(frozen=True)
 class NextRuns:
-    """The runs to make, and by how many sigmas they would keep every rival away, together with the runs at hand.
+    """Proposed runs, and the separation of every rival by them and the existing runs, sigmas.
 
-    inseparable: the rivals that not even MOST_RUNS runs would keep away, and how far such runs would get.
+    inseparable: rivals that even MOST_RUNS runs would not exclude, with the separation reached.
     """
 
     runs: tuple[CandidateRun, ...]
@@ -192,9 +192,9 @@ def best_next_runs(
     apart: Mapping[str, Mapping[str, float]],
     known: Sequence[Quantity] = (),
 ) -> NextRuns | None:
-    """What to run next; None where no rival is left that is worth a run.
+    """The runs to record next; None if no rival remains.
 
-    known: what the laboratory knows to within a tolerance; further runs of it know that no better.
+    known: quantities that the laboratory knows to a tolerance, which holds for further runs as well.
     """
     rivals = _rivals(search, chosen, table, apart)
     data, robot = search.problem.data, search.problem.forward.robots[0]
@@ -233,7 +233,7 @@ def best_next_runs(
 def _until_separated(
     options: Sequence[CandidateRun], told: Mapping[str, Sequence[Information]], chosen: Set
 ) -> NextRuns | None:
-    """The options to make until every rival that can be kept away is, by what they tell of each."""
+    """Choose options until every rival that can be excluded is, by their information about each."""
     reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
     inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
     able = {name: views for name, views in told.items() if name not in inseparable}
@@ -249,12 +249,12 @@ def _until_separated(
 
 
 def _least(views: Sequence[Information], made: Sequence[int], last: int) -> float:
-    """Separation in sigmas, in the view that is least hopeful, once the candidates made and a last one are there."""
+    """Separation, sigmas, after the candidates `made` and a last one, in the most pessimistic linearization."""
     return float(np.sqrt(min(view.squares(made)[last] for view in views)))
 
 
 def runs_until_enough(told: Sequence[Information]) -> tuple[list[int], float]:
-    """Runs, one by one those that tell most, until all rivals are kept away; and by how many sigmas, at least."""
+    """Greedy choice of runs until all rivals are excluded; returns the runs and the smallest separation, sigmas."""
     made: list[int] = []
     least = 0.0
     while len(made) < MOST_RUNS and least < ENOUGH_SIGMAS:
@@ -265,10 +265,10 @@ def runs_until_enough(told: Sequence[Information]) -> tuple[list[int], float]:
 
 
 def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Mapping[str, float]]) -> dict[str, Rival]:
-    """Fitted models that the data leave possible: probable ones, and effects too near to one that was chosen.
+    """Fitted models that the data do not exclude: probable ones, and effects too similar to a chosen one.
 
-    One more effect beside those chosen is no rival, as no run tells it from one of size nought; beside no effect at all
-    it is where it is the more probable, though not by the odds that are asked of it.
+    A set with one effect in addition to the chosen ones is not a rival, since no run distinguishes it from the same set
+    with size 0; but if no effect is chosen, a more probable effect with insufficient odds is.
     """
     best = table.of(chosen)
     found = {

@@ -1,9 +1,9 @@
 """Plan of an experiment before there are data, and the effects that it can detect.
 
-Runs go round a fixed order of straight runs and turns, forward and backward, left and right, so that any first few of
-them are balanced; speeds alternate, commands repeat once all have been driven. Start heading and place of each are
-those that tell most about all effects at once, given the runs before it (D_s-optimal: what is known to within a
-tolerance is free). Source: Atkinson & Donev (1992), Optimum Experimental Designs, chapter 10.
+Runs follow a fixed cycle of straight runs and turns, forward and backward, left and right, so that the first few are
+always balanced; speeds alternate, and commands repeat after all have been driven. Start heading and position of each
+run maximise the information about all effects, given the previous runs (D_s-optimal: quantities known to a tolerance
+are free). Source: Atkinson & Donev (1992), Optimum Experimental Designs, chapter 10.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-# What a planned experiment should be able to stand: a usual friction and gain scatter of a magnetic robot on steel.
+# Scatter between runs and noise that a plan assumes: usual values of a magnetic robot on steel.
 USUAL_SCATTER = np.array([0.02, 0.005, 0.005, 1.0])
 USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
-# Straight runs tell the wheels' gains and what pulls; turns to both sides in both directions tell all the rest.
+# Cycle of runs: straight runs determine the wheels' gains and forces on the body, turns in all directions the rest.
 ROUND = ((1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))  # direction, side
 TURN_SHARES = (0.43, 0.7)  # speed of the inner wheel, tight and wide, alternating with the speed
 SIZE_STEPS = 10.0  # a modest size of an effect, in its visible steps
-FRAME_S = 1 / 60  # of the camera that will see the runs: the start of motion is known in its frames
-HIDDEN = 1.1  # times as visible: what measuring a quantity must give to be proposed
+FRAME_S = 1 / 60  # of the camera, by which the start of motion is known
+HIDDEN = 1.1  # least gain of visibility for which the measurement of a quantity is proposed
 PLACES_OF_ATTRACTION = slice(0, 8, 2)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What an experiment would show of one parameter of an effect of a given size: sigmas, and from what is nearest.
+    """Visibility in sigmas of one parameter of an effect of a given size, and relative to the most similar effect.
 
-    measure: which quantity of the laboratory, known to within a tolerance, hides most of it; measured_sigmas: what the
-    same runs would show if that were known exactly. Empty where no such quantity hides a tenth.
+    measure: the quantity known to a tolerance that hides most of it; measured_sigmas: its visibility in the same runs
+    if this quantity were known exactly. Empty if no such quantity hides a tenth.
     """
 
     effect: str
@@ -63,9 +63,9 @@ class Expected:
 def plan_runs(
     robot: Robot, terms: Mapping[str, Candidate], levels_rpm: Sequence[float], room: Room, count: int
 ) -> list[CandidateRun]:
-    """The runs of a good experiment, in the order in which to make them; room: where the marks may go.
+    """The runs of a good experiment, in the order in which to record them; room: available to the marks.
 
-    Raises InputError where no run fits.
+    Raises InputError if no run fits.
     """
     cells = [_commands(levels_rpm, *cell) for cell in ROUND]
     options: list[CandidateRun] = []
@@ -114,7 +114,7 @@ def _commands(levels_rpm: Sequence[float], direction: int, side: int) -> list[tu
 
 
 def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[CandidateRun]) -> list[Expected]:
-    """What these runs would show of every effect at a modest size, its least visible parameter."""
+    """Visibility of every effect at a modest size in these runs, by its least visible parameter."""
     known, tolerance = _laboratory(robot)
     names = {key: key for key in robot.tolerance} | {item.key: item.name for item in known}
     nominal_columns = [Column(key) for key, value in tolerance.items() if value > 0]
@@ -155,20 +155,20 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
 
 
 def _laboratory(robot: Robot) -> tuple[tuple[Quantity, ...], dict[str, float]]:
-    """What an ordinary laboratory knows to within a tolerance, and all tolerances of a fit by key."""
+    """Quantities that an ordinary laboratory knows to a tolerance, and all tolerances of a fit by key."""
     usual = KnownTo(start_common_s=FRAMES_COMMON * FRAME_S, start_per_run_s=FRAMES_PER_RUN * FRAME_S)
     known = quantities(usual, robot, [])
     return known, {**robot.tolerance, **{item.key: item.tolerance for item in known}}
 
 
 def _size(column: Column) -> float:
-    """A modest size of a coordinate, from where it vanishes."""
+    """A modest deviation of a coordinate from its absent value."""
     assert column.term is not None
     return SIZE_STEPS * column.term.coordinates[column.coordinate].step
 
 
 def _stated(column: Column, size: float) -> tuple[str, float]:
-    """The parameter of an effect that a coordinate is, and its value at a size from where it vanishes."""
+    """The parameter of an effect that corresponds to a coordinate, and its value at a deviation."""
     term = column.term
     assert term is not None
     coordinate = term.coordinates[column.coordinate]
@@ -212,7 +212,7 @@ def _information(
     problem, at = hypothetical(robot, dict(terms), USUAL_NOISE, runs, orders, point, None, known, per_run_s)
     found = problem.attempted(at, columns, range(len(runs)))
     able = [number for number, item in enumerate(found) if item is not None]
-    information = np.zeros((len(runs), len(columns), len(columns)))  # what cannot be simulated tells nothing
+    information = np.zeros((len(runs), len(columns), len(columns)))  # runs that cannot be simulated have no information
     if able:
         _, _, information[able] = at_scatter(reduce_runs([item for item in found if item is not None]), USUAL_SCATTER)
     return information, columns

@@ -1,7 +1,7 @@
 """Free-form terms that are equivalent to a user-defined effect and need not be tested beside it.
 
-Who takes up a form that a diagnosis found has an effect of the same terms. Nothing would distinguish the family from
-it, and each would have any share of what both do.
+A user who turns a free-form finding into an effect has an effect with the terms of that family. No data distinguish the
+two, so that their sizes would be undetermined.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from evaluator.diagnosis.candidates.free_form import FreeTerm, own_commands
 from simulator.dynamics.terms import Term
 from simulator.effects.definition import Effect
 
-SPANNED = 1e-9  # of the size of a coefficient's terms, what may be left of them: rounding
+SPANNED = 1e-9  # residual, relative to the terms of a coefficient, that counts as rounding
 
 
-def named_that_say_no_more(effect: Effect) -> frozenset[str]:
-    """Ids of the effects of the catalogue that some values of an own effect's parameters do.
+def included_named_effects(effect: Effect) -> frozenset[str]:
+    """Ids of the effects of the catalogue that an effect of the user includes, for some values of its parameters.
 
-    Of one speed for both sides a rotation by the own command alike on both says as much, of two speeds one for each.
+    Only effects of the drive speeds are compared: a factor on both commands, and factors on each side's command.
     """
     same = {"drive-speed-scale": own_commands(alike=True), "drive-speed-mismatch": own_commands(alike=False)}
-    return frozenset(name for name, family in same.items() if is_said_by(family, effect))
+    return frozenset(name for name, family in same.items() if is_included_in(family, effect))
 
 
-def is_said_by(family: FreeTerm, effect: Effect) -> bool:
-    """Whether some values of an effect's parameters do what the family does, whatever its coefficients."""
+def is_included_in(family: FreeTerm, effect: Effect) -> bool:
+    """Whether an effect includes the family: for any coefficients there are equivalent values of its parameters."""
     if not effect.sum_of:
         return False
     own = [[term for name, term in effect.sum_of if name == item.name] for item in effect.parameters]

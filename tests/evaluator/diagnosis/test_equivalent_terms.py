@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluator.diagnosis.candidates.already_said import is_said_by, named_that_say_no_more
+from evaluator.diagnosis.candidates.equivalent_terms import included_named_effects, is_included_in
 from evaluator.diagnosis.candidates.free_form import free_terms
 from simulator.effects.catalogue import EFFECTS
 from simulator.own_effects.files import effect_of
@@ -30,22 +30,22 @@ def test_families_that_an_own_effect_spans_are_said_by_it() -> None:
     four = mixing({(a, b): f"{a}_{b}" for a in DRIVES for b in DRIVES})
     alike = mixing({(a, b): "own" if a == b else "other" for a in DRIVES for b in DRIVES})
     families = free_terms()
-    said = {form for form, term in families.items() if is_said_by(term, four)}
+    said = {form for form, term in families.items() if is_included_in(term, four)}
     assert said >= {FOUR, CROSSED, TWINS, "free:force_forward.sign_u"}
     assert LOAD not in said
-    assert not is_said_by(families[FOUR], alike)  # four numbers, of which the effect has two
-    assert not is_said_by(families[CROSSED], alike)
-    assert is_said_by(families[TWINS], alike)
+    assert not is_included_in(families[FOUR], alike)  # four numbers, of which the effect has two
+    assert not is_included_in(families[CROSSED], alike)
+    assert is_included_in(families[TWINS], alike)
 
 
 def test_the_speed_of_both_sides_is_said_by_an_effect_of_the_own_command() -> None:
     four = mixing({(a, b): f"{a}_{b}" for a in DRIVES for b in DRIVES})
     alike = mixing({(a, b): "own" if a == b else "other" for a in DRIVES for b in DRIVES})
     crossed = mixing({("left", "right"): "other", ("right", "left"): "other"})
-    assert named_that_say_no_more(four) == {"drive-speed-scale", "drive-speed-mismatch"}
-    assert named_that_say_no_more(alike) == {"drive-speed-scale"}
-    assert named_that_say_no_more(crossed) == frozenset()
+    assert included_named_effects(four) == {"drive-speed-scale", "drive-speed-mismatch"}
+    assert included_named_effects(alike) == {"drive-speed-scale"}
+    assert included_named_effects(crossed) == frozenset()
 
 
 def test_an_effect_of_the_catalogue_keeps_no_family_out() -> None:
-    assert not any(is_said_by(term, EFFECTS["viscous-drag"]) for term in free_terms().values())
+    assert not any(is_included_in(term, EFFECTS["viscous-drag"]) for term in free_terms().values())
