@@ -1,8 +1,8 @@
 """Adequacy of a model: absolute tests of whether its residuals are noise.
 
-Left-overs of every run, freed of start pose and random effects, are compared with the tracking
-noise mode by mode: slow modes hold motion, fast ones noise, so their ratio does not depend on the level of the noise.
-What is left to chance between runs, friction and gains, must look like chance: it must not depend on anything known.
+The residuals of every run, after start pose and random effects, are compared with the tracking noise mode by mode: slow
+modes contain motion, fast ones noise, so that their ratio does not depend on the level of the noise. The random effects
+of the runs, friction and gains, must be random: they must not depend on anything known about the runs.
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 Floats = NDArray[np.float64]
 
 
-FEWEST_FREEDOM = 6  # an F test on fewer says little
-# Share of its variance that a run must tell of a friction or gain to count: a straight run tells nothing of friction.
+FEWEST_FREEDOM = 6  # degrees of freedom below which an F test has little power
+# Share of the variance of a friction or gain that a run must determine; a straight run does not determine friction.
 LEAST_TOLD = 0.01
 UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What is left over under a fit.
+    """Tests of the residuals of a fit.
 
-    excess: mean square of whitened left-overs, 1 for pure noise; excess_sigma: its distance from 1 in standard errors.
-    by_run: the same per run. random_effects: friction, gains and start of each run (n, 4), drawn towards nought by what
-    the run does not tell; told: (n, 4), the share of their variance that it tells. order_p: probability that they
-    depend so much on something known were they chance, Bonferroni over all that was asked; depends_on: on what.
-    widest: what differs so much from run to run that no laboratory leaves it to chance, in words; empty where nothing
-    does.
+    excess: mean square of the whitened residuals, 1 for pure noise; excess_sigma: its distance from 1 in standard
+    errors. by_run: the same per run. random_effects: friction, gains and start of each run (n, 4), shrunk toward 0;
+    told: (n, 4), the share of their variance that the run determines. order_p: probability of so strong a dependence of
+    random effects on something known by chance, Bonferroni over all tests; depends_on: the quantity. widest: the random
+    effect with an implausibly large scatter, in words; empty if there is none.
     """
 
     excess: float
@@ -51,7 +50,7 @@ class Adequacy:
 
 
 def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
-    """Test the left-overs of a fit."""
+    """Test the residuals of a fit."""
     columns = fit.columns
     theta = np.array([fit.point.value(column) for column in columns])
     squares, freedom = left_overs(fit.linearized, columns, theta)
@@ -67,9 +66,9 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
 
 
 def _widest(scatter: Floats) -> str:
-    """What scatters as much as is thought possible at all: then it is a law that no model has, spread over the runs.
+    """The random effect whose scatter is at the upper end of the prior, which indicates missing physics.
 
-    scatter: (4,), posterior mean. The largest of the scatters asked is then more probable than all smaller ones.
+    scatter: (4,), posterior mean, for which the largest scatter of the grid is more probable than all smaller ones.
     """
     for what, found, asked in (("friction", scatter[0], FRICTION_SCATTER), ("wheel speed", scatter[1], GAIN_SCATTER)):
         if found > np.sqrt(asked[-2] * asked[-1]):
@@ -79,7 +78,7 @@ def _widest(scatter: Floats) -> str:
 
 @dataclass(frozen=True)
 class Unlike:
-    """Runs (their numbers in the session) whose friction or wheels differ from those of the others, alike.
+    """Runs (indices in the session) whose friction or wheel speeds differ from the others by the same amount.
 
     what: of SCATTER. change: relative, the median of these runs over that of all.
     """
@@ -90,10 +89,10 @@ class Unlike:
 
 
 def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
-    """Runs whose friction, left or right wheels are unlike those of the others, by more than chance.
+    """Runs whose friction, left or right wheel speeds differ significantly from the others.
 
-    They are told and not set aside: the model follows them, as the scatter between runs has room for them. A wheel that
-    is dirty for three runs widens it.
+    They are reported but not excluded, because the scatter between runs includes them and the model explains them. An
+    example is a wheel that is dirty for three runs.
     """
     found = []
     for number, what in enumerate(SCATTER[:-1]):
@@ -111,9 +110,9 @@ def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
 
 
 def _odd(values: Floats, probability: float) -> list[int]:
-    """Numbers of the values that are not of the others' normal distribution, a quarter of them at most.
+    """Indices of outliers from the normal distribution of the values, at most a quarter of them.
 
-    probability: that there is any where there is none. Several that are alike do not hide one another.
+    probability: of any false positive. Several equal outliers do not mask each other.
     Source: the generalized extreme Studentized deviate, Rosner (1983), Technometrics 25, 165.
     """
     rest, taken, odd = list(range(len(values))), [], 0
@@ -130,11 +129,11 @@ def _odd(values: Floats, probability: float) -> list[int]:
 
 
 def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
-    """F test of each run effect on each thing that is known of a run: the smallest probability and its reason.
+    """F test of each random effect against each known quantity of the runs: the smallest probability and its quantity.
 
-    random_effects: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of that variance which the run
-    tells. An effect is seen shrunk to its share and varies as much, so it is divided by the root of the share, and what
-    it may depend on is multiplied by that.
+    random_effects: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of the variance that the run
+    determines. Estimates are shrunk by this share, and so is their variance; therefore they are divided by its square
+    root, and the regressors are multiplied by it.
     """
     tests = 0
     least, reason = 1.0, ""
@@ -155,13 +154,13 @@ def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tup
 
 
 def _left(design: Floats, values: Floats) -> float:
-    """Sum of squares that a regression leaves."""
+    """Residual sum of squares of a regression."""
     left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     return float(left @ left)
 
 
 def _known(data: Sequence[RunData]) -> dict[str, Floats]:
-    """What is known of every run before its friction and gains: command, heading, place, order."""
+    """Known quantities of every run: command, heading, position, order."""
     left = np.array([run.left_rpm for run in data])
     right = np.array([run.right_rpm for run in data])
     first, second = (np.array([_mean_place(run.marks_mm[:, mark]) for run in data]) for mark in ([0, 1], [2, 3]))

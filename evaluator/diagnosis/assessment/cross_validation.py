@@ -1,8 +1,8 @@
 """Cross-validation of a fitted model: on held-out commands, and between halves of the runs.
 
-Each command in turn is held out with all its repeats; common parameters come from the other runs alone. An effect
-that is real has the same size forward and backward, slow and fast, to the left and to the right. The linear views of
-fits are enough for both, so nothing is simulated again.
+Each command in turn is held out with all its repeats; common parameters are estimated from the other runs. A real
+effect has the same size forward and backward, slow and fast, to the left and to the right. Both tests use the
+linearizations of the fits, without further simulations.
 Source: Stone (1974), J. R. Stat. Soc. B 36, 111.
 """
 
@@ -23,17 +23,17 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 Floats = NDArray[np.float64]
 
 FEWEST_IN_HALF = 4
-# Halves may differ by this share of an effect (one standard deviation) and more by chance: where an effect is known to
-# a thousandth, what the linear view neglects shows as some per cent; where it only imitates, halves differ by half.
+# Tolerated relative difference of an effect between halves (one standard deviation): for effects known to 0.1 %, errors
+# of linearization cause differences of some per cent; effects that only imitate others differ by half.
 SAME_SIZE = 0.05
-BY_CHANCE = 0.05  # probability at which a model that is no better is taken to predict commands left out better
+BY_CHANCE = 0.05  # probability that a model which is not better passes as predicting left-out commands better
 
 
 def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> tuple[float, float]:
     """Gain in log density of left-out commands of the first fit over the second, and its standard error over commands.
 
-    Both fits are of the same runs of data. The error of few commands is itself known badly: it is widened by as much
-    as Student's t is wider than the normal distribution, so that two of it mean what they do of many commands.
+    Both fits use the same runs of data. With few commands the standard error is uncertain: it is increased by the ratio
+    of Student's t to the normal distribution, so that two standard errors have the same meaning for any number.
     """
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
     gains = _densities(first, aside, tolerance) - _densities(second, aside, tolerance)
@@ -44,11 +44,11 @@ def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mappi
 
 
 def predicts_better(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> bool:
-    """Whether the first fit predicts commands left out better than the second, by more than chance among commands.
+    """Whether the first fit predicts left-out commands significantly better than the second.
 
-    On open ground the noise is what the best model leaves over, and a command that a model misses by ten times as much
-    outweighs all others by its density. So each command counts by how many times less its runs are missed, and these
-    ratios must be above one on average (one-sided t test of their logarithms). One command alone shows no effect.
+    On open ground the noise is estimated from the residuals of the best model, and the log density is dominated by
+    single commands with large residuals. Therefore the ratio of the residuals of both fits is tested for each command:
+    it must exceed one on average (one-sided t test of the logarithms). One command alone shows no effect.
     """
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
     if len(aside) < 2:
@@ -61,7 +61,7 @@ def predicts_better(first: Fit, second: Fit, data: Sequence[RunData], tolerance:
 
 
 def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[str, float]) -> Floats:
-    """Log density of each group of runs, given the parameters that the other runs tell, (groups,)."""
+    """Log density of each group of runs, with parameters estimated from the other runs, (groups,)."""
     tau = fit.posterior.scatter
     s, g, G = at_scatter(fit.reduced, tau)
     without = _told_without(g, G, aside, fit, tolerance)
@@ -78,10 +78,10 @@ def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[
 
 
 def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> Floats:
-    """Covariance (p, p) of the parameters of a fit, as wide as they differ where a command is left out with its runs.
+    """Covariance (p, p) of the parameters of a fit, at least that of the jackknife over commands.
 
-    What a model leaves over on open ground is no noise of each run by itself: runs of one command are missed alike. The
-    covariance of the fit takes them for so many runs; this one never says less than the jackknife over commands, with
+    On open ground, residuals of a model are not independent between runs, since runs of one command deviate alike. The
+    covariance of the fit neglects this; the result here is never smaller than the jackknife over commands, with
     Student's t for their number. Source: Tukey (1958), Ann. Math. Stat. 29, 614.
     """
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in fit.runs]).values()]
@@ -100,7 +100,7 @@ def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mappi
 def _told_without(
     g: Floats, G: Floats, aside: Sequence[NDArray[np.int64]], fit: Fit, tolerance: Mapping[str, float]
 ) -> list[tuple[Floats, Floats]]:
-    """Parameters (p,) and their covariance (p, p) that the other runs tell, for each group of runs left out."""
+    """Parameters (p,) and their covariance (p, p) from the other runs, for each group of left-out runs."""
     prior, found = np.diag(prior_precision(fit.columns, tolerance)), []
     own = np.diag(G.sum(axis=0) + prior)
     scale = np.sqrt(np.where(own > 0, own, 1.0))  # unknowns of any units
@@ -114,14 +114,14 @@ def _told_without(
 
 @dataclass(frozen=True)
 class Constancy:
-    """Whether the effects have one size in two halves of the runs: probability of so large a difference by chance."""
+    """Equality of the effects in two halves of the runs: probability of so large a difference by chance."""
 
     halves: str
     probability: float
 
 
 def constancy(fit: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> list[Constancy]:
-    """Compare the sizes of the effects of a fit between halves of its runs; halves with too few runs are left out."""
+    """Compare the sizes of the effects of a fit between halves of its runs; splits with too few runs are omitted."""
     effects = np.array([column.term is not None for column in fit.columns], dtype=np.bool_)
     if not effects.any():
         return []
@@ -162,5 +162,5 @@ def _squares(fit: Fit) -> Floats:
 
 
 def _loose(G: Floats, effects: NDArray[np.bool_]) -> Floats:
-    """A prior so loose that it only keeps a size finite to which a half of the runs is blind."""
+    """Weak prior that keeps sizes finite which one half of the runs does not determine."""
     return np.where(effects, 1e-9 * np.diag(G.sum(axis=0)) + 1e-30, 0.0)

@@ -9,10 +9,10 @@ import pandas as pd
 
 from evaluator.diagnosis.assessment.disagreement import PIECE_S, QUANTITIES
 
-# Standard deviations from which on a phase of a run is said to disagree. Of some hundred of them, 24 runs in two phases
-# and three quantities, chance reaches this in one of fifteen experiments.
+# Standard deviations above which a phase of a run disagrees. Among 24 runs with two phases and three quantities, chance
+# exceeds this in one of fifteen experiments.
 DISAGREES_SIGMAS = 3.5
-NAMES = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw_rate"}  # as diagnosis.json says them
+NAMES = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw_rate"}  # names in diagnosis.json
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class RunDisagreement:
 
 
 def disagreeing_runs(table: pd.DataFrame) -> list[RunDisagreement]:
-    """What stands out of a table of pieces with what the model misses before and after (columns after_…).
+    """Significant entries of a table of pieces with residuals before and after (columns after_…).
 
-    A standard deviation of a piece is what the best model leaves over, by median absolute deviation: noise, and what
-    friction and gains of a run make in one second of it.
+    The standard deviation of a piece is that of the residuals of the best model, by median absolute deviation: it
+    includes noise and variations of friction and gains within a second.
     """
     phase = np.where(table["time_s"] < PIECE_S, "start", "steady")
     found = []

@@ -1,8 +1,8 @@
 """Where measurement and model disagree: by direction, side, speed, heading, place, time and order, with significance.
 
-Every run is cut into pieces of about a second; in each the measured minus the predicted velocity is taken along and
-across the robot and in yaw. Each of the three is regressed on what it may depend on. Standard errors count runs, not
-pieces (jackknife over runs).
+Every run is cut into pieces of about a second; in each, the measured minus the predicted velocity is computed along and
+across the robot and in yaw. Each of the three is regressed on quantities that it may depend on. Standard errors are
+those of the jackknife over runs, because the pieces of a run are not independent.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 PIECE_S = 1.0
 FEWEST_FREEDOM = 3  # runs beyond the coefficients
 FEWEST_FRAMES = 5  # in a piece: a slope over fewer is mostly noise
-SHOWN_SIGMAS = 3.5  # fifty-seven tests: chance reaches this once in forty experiments
+SHOWN_SIGMAS = 3.5  # of 57 tests: chance exceeds this in one of forty experiments
 FOLDS = {"heading": 1, "twice the heading": 2, "three times the heading": 3, "four times the heading": 4}
 
 COLUMNS = (
@@ -41,15 +41,15 @@ Interval = tuple[float, float, float]  # value, low, high
 
 @dataclass(frozen=True)
 class Dependence:
-    """A disagreement and what it depends on: effect sizes with their significance and a plain sentence.
+    """A dependence of the disagreement: sizes with their significance, and a sentence.
 
-    sizes: coefficients of what was tested, in the order of its regressors, each with its 95 % bounds. rms: what they
-    make, over all pieces, in the unit of the quantity.
+    sizes: coefficients of the tested regressors, each with its 95 % bounds. rms: of their contribution over all pieces,
+    in the unit of the quantity.
     """
 
     quantity: str
     by: str
-    parity: str  # "even" or "odd" under the reversal of the motion or of the side; "" where that means nothing
+    parity: str  # "even" or "odd" under reversal of the motion or of the side; "" if not applicable
     sigmas: float
     sentence: str
     sizes: tuple[Interval, ...] = ()
@@ -57,10 +57,10 @@ class Dependence:
 
 
 def pieces(problem: Problem, point: Point) -> pd.DataFrame:
-    """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and what it may depend on.
+    """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and quantities it may depend on.
 
-    Measured and predicted velocities are each taken in the frame of their own robot, so that a heading that went wrong
-    earlier in the run does not pass for sideways speed now.
+    Measured velocities are in the frame of the measured robot, predicted ones in that of the predicted robot, so that
+    an earlier error of heading does not appear as sideways speed.
     """
     rows = []
     for number, run in enumerate(problem.data):
@@ -113,19 +113,19 @@ def _velocity_misfit(
 
 
 def dependences(table: pd.DataFrame) -> list[Dependence]:
-    """Everything that stands out, the most significant first."""
+    """All significant dependences, most significant first."""
     shown = [item for item in every_dependence(table) if item.sigmas >= SHOWN_SIGMAS]
     return sorted(shown, key=lambda item: -item.sigmas)
 
 
 def most_telling(table: pd.DataFrame) -> list[Dependence]:
-    """What stands out; where nothing does by itself, the most significant of all that these runs can answer."""
+    """All significant dependences; if there are none, the most significant of all tested ones."""
     asked = [item for item in every_dependence(table) if item.sigmas > 0]
     return dependences(table) or sorted(asked, key=lambda item: -item.sigmas)[:1]
 
 
 def every_dependence(table: pd.DataFrame) -> list[Dependence]:
-    """All that was asked of a table of pieces and that these runs can answer, significant or not."""
+    """All dependences that these runs can test, significant or not."""
     found = []
     runs = table["run"].to_numpy()
     for quantity in QUANTITIES:
@@ -146,11 +146,11 @@ Regressors = list[Floats]
 
 
 def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[Regressors, Regressors]]:
-    """Regressors by what is asked and parity under reversal of the motion: those taken for granted, those tested.
+    """Regressors by dependence and parity under reversal of the motion: common ones, and those tested.
 
-    Wheels that slip make errors that grow with speed: what depends on heading, place or order is therefore scaled by
-    the speed over its mean, so that sizes hold at the mean speed. A pull is even, it stays when the robot drives back;
-    an error of the wheels or of the scale is odd.
+    Errors of slipping wheels grow with speed: regressors in heading, position or order are therefore scaled by the
+    speed over its mean, so that sizes hold at the mean speed. An external force is even: it does not change when the
+    robot drives backward; an error of the wheels or of the scale is odd.
     """
     one = np.ones(len(table))
     column = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "run"}
@@ -179,7 +179,7 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
 
 
 def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
-    """How large each disagreement is, whatever it depends on: RMS over all pieces with 95 % bounds over runs."""
+    """Size of each disagreement: RMS over all pieces with 95 % bounds from the scatter over runs."""
     squares = (table[list(QUANTITIES)] ** 2).groupby(table["run"]).mean()
     reach = float(special.stdtrit(max(len(squares) - 1, 1), 0.975)) / np.sqrt(len(squares))
     found = {}

@@ -1,13 +1,14 @@
-"""The gap between simulation and measurement in millimetres, on fitted runs and on runs held out.
+"""The gap between simulation and measurement in millimetres, on fitted and on held-out runs.
 
-Refitted: the RMS distance of a run between the measured and the simulated midpoint of the marks, the run placed where
-that is least (Problem.of_tracking). After: parameters come from the fitted runs alone; start pose and random effects
-(friction, gains and start) are fitted within the run-to-run scatter. Before: the robot file as it is, for the same
-random effects and the start pose that suits it best. The floor is what noise alone leaves (of marks, camera and plate),
-and never less than two programs of the same model differ by.
-Predicted: the RMS distance of the robot's centre where a robot file is simulated from the start pose alone, as
-`turnscope compare` does it; nothing of the run is fitted. What the fitted runs say of the session as a whole (start of
-motion, clock, scale, level, places of the marks; session_as_found) holds in it, before and after alike.
+Refitted gap: RMS distance between the measured and the simulated midpoint of the marks of a run, with the start pose
+that minimises it (Problem.of_tracking). After: common parameters are estimated from the fitted runs; start pose and
+random effects (friction, gains and start) are fitted within the run-to-run scatter. Before: the robot file without
+changes, with the same random effects and its best start pose. The noise floor is the gap due to noise alone (of marks,
+camera and plate), and at least the difference between two programs of the same model.
+
+Predicted gap: RMS distance of the robot's centre when a robot file is simulated from the start pose alone, as in
+`turnscope compare`; nothing of the run is fitted. Quantities of the whole session (start of motion, clock, scale,
+level, positions of the marks; session_as_found) have their fitted values, before and after.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ GROWN = 0.025  # probability, by chance, of so many runs with a larger gap: one 
 # it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
 # Some runs may be outlying (dust, a snagged tether, the edge between two steady states): they are named.
 MISSED = 2.5
-OF_WANDER = 4.0  # standard deviations of what is one Gaussian number in a run: beyond, once in 16,000 runs
-CHANGED_FLOORS = 0.5  # of the noise floor: what is relevant of a path by default
+OF_WANDER = 4.0  # standard deviations of a Gaussian number per run: exceeded in one of 16,000 runs
+CHANGED_FLOORS = 0.5  # of the noise floor: the default of a relevant change of the path
 
 
 @dataclass(frozen=True)
@@ -56,10 +57,10 @@ class Gap:
     not_predicted: Mapping[int, str] = field(default_factory=dict)
 
     def answered(self, *, added: bool) -> Gap:
-        """The gap that goes with an answer: where nothing is added and refitting is no nearer, that of the file.
+        """The gap reported with an answer: that of the file, if nothing is added and adjusted values do not reduce it.
 
-        added: whether the answer adds anything to the model. Nominal values and all that is known to a tolerance may
-        end farther from the marks than they began where no fit follows the runs: such values are not proposed.
+        added: whether the answer adds an effect to the model. If no fit explains the runs, adjusted nominal values may
+        increase the gap; such values are not proposed.
         """
         if added or not not_shrunk(self):
             return self
@@ -67,14 +68,14 @@ class Gap:
 
 
 def grown_gap(gap: Gap, held_out: Sequence[int] = ()) -> str:
-    """Why a gap speaks against what was added to the model; empty where neither gap does.
+    """Why the gap contradicts an added effect; empty if neither gap does.
 
-    Refitted, the RMS over all runs must shrink: the fit had the freedom to. Of runs held out it had not, so that there
-    it must not grow by what would be relevant: an effect that is there follows them to the noise, and what was only
-    bent to the runs fitted does not. Predicted, an error of the start heading grows with the way, is the same before
-    and after, and may rule the RMS over runs. So what is asked is the typical run, of all and of those held out: of the
-    runs whose gap changes by more than half the noise floor, no more may grow than chance allows if growing and
-    shrinking were as likely (sign test).
+    The refitted gap (RMS over all runs) must decrease, because the effect was fitted to it. On held-out runs, to which
+    nothing was fitted, it must not increase by a relevant amount: a real effect explains them to the noise, an
+    overfitted one does not. The predicted gap contains the error of the start heading, which grows with the path, is
+    equal before and after, and may dominate the RMS. Therefore it is tested by counting, for all and for held-out runs:
+    among the runs whose gap changes by more than half the noise floor, not significantly more than half may increase
+    (sign test).
     """
     if reason := not_shrunk(gap):
         return reason
@@ -94,9 +95,9 @@ def grown_gap(gap: Gap, held_out: Sequence[int] = ()) -> str:
 
 
 def not_shrunk(gap: Gap, held_out: Sequence[int] = ()) -> str:
-    """Why a gap after refitting speaks against what was added; empty where it shrinks, as it had the freedom to.
+    """Why the refitted gap contradicts an added effect; empty if it decreases, as it must.
 
-    On runs held out it must shrink where the robot file does not follow them: elsewhere there is nothing to explain.
+    On held-out runs it must decrease only if the robot file does not explain them.
     """
     everything = range(len(gap.after_mm))
     before, after = rms(gap.before_mm, everything), rms(gap.after_mm, everything)
@@ -109,7 +110,7 @@ def not_shrunk(gap: Gap, held_out: Sequence[int] = ()) -> str:
 
 
 def counting_data(problem: Problem) -> tuple[RunData, ...]:
-    """The runs without the marks of frames that do not count in a fit either: a robot taken away at the end is one."""
+    """The runs without the marks of frames that fits ignore, such as those of a robot taken away at the end."""
     counts = [np.isfinite(item).all(axis=1, keepdims=True) for item in problem.channels]
     return tuple(
         replace(run, marks_mm=np.where(seen, run.marks_mm, np.nan))
@@ -120,9 +121,10 @@ def counting_data(problem: Problem) -> tuple[RunData, ...]:
 def predicted_gaps(
     data: Sequence[RunData], robots: Sequence[Robot], measured_by: Sequence[Robot]
 ) -> tuple[Floats, dict[int, str]]:
-    """RMS distance of the centre by run, mm, of robots simulated from the start pose; NaN where that cannot be done.
+    """RMS distance of the centre by run, mm, for robots simulated from the start pose; NaN if that fails.
 
-    measured_by: the robots whose marks turn measured marks into poses. Returns the distances, and why a run has none.
+    measured_by: robots whose mark positions convert measured marks to poses. Returns the distances, and the reasons of
+    failures by run.
     """
     found, reasons = np.full(len(data), np.nan), {}
     for number, (run, robot, by) in enumerate(zip(data, robots, measured_by, strict=True)):
@@ -148,10 +150,10 @@ def run_gaps(problem: Problem, placed: Point, runs: Sequence[int]) -> Floats:
 
 
 def farthest_followed(problem: Problem, runs: Sequence[int]) -> Floats:
-    """Gap by run, mm, beyond which a model does not follow the marks.
+    """Gap by run, mm, above which a model does not explain the marks.
 
-    Tracking noise is an average over hundreds of frames. Of friction that wanders one mode holds three fifths, so that
-    its part of a single run scatters like one Gaussian number.
+    Tracking noise averages over hundreds of frames. Varying friction is dominated by one mode (60 % of its variance),
+    so that its contribution to a single run scatters like one Gaussian number.
     """
     wander = _wander(problem, runs)
     return np.asarray(np.hypot(MISSED * np.sqrt(noise_floor(problem, runs) ** 2 - wander**2), OF_WANDER * wander))
@@ -162,7 +164,7 @@ def _wander(problem: Problem, runs: Sequence[int]) -> Floats:
 
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
-    """RMS distance of the midpoint that noise of tracking and ground and the model's precision make, by run, mm."""
+    """RMS distance of the midpoint due to noise of tracking and ground and the precision of the model, by run, mm."""
     # on ground, what drifts is by its definition what is left about the best start pose
     spans_s = [0.0 if problem.open_ground else float(np.ptp(problem.data[run].time_s)) for run in runs]
     noise = np.array(

@@ -17,7 +17,7 @@ from evaluator.settings import Relevant
 Floats = NDArray[np.float64]
 
 SETTLED_S = 0.5  # after the start of the motors, when a turn is steady
-LEAST_TURN_RAD = np.radians(20.0)  # of a run whose radius is told
+LEAST_TURN_RAD = np.radians(20.0)  # turn of a run whose change of radius counts
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class Changes:
     speed_percent: float
 
     def matter(self, relevant: Relevant) -> bool:
-        """Whether any of them reaches what is stated as relevant."""
+        """Whether any of them reaches a limit of relevance."""
         return any(getattr(self, name) >= least for name, least in relevant.model_dump().items())
 
 
 def changes(problem: Problem, fit: Fit, effect: str) -> Changes:
-    """What one effect of a fitted set does: the fitted runs simulated with it and without, all else as fitted."""
+    """Changes by one effect of a fitted set: the fitted runs simulated with and without it, all else unchanged."""
     runs = list(fit.runs)
     rest: Mapping[str, tuple[float, ...]] = {key: value for key, value in fit.point.terms.items() if key != effect}
     both = [
@@ -59,7 +59,7 @@ def changes(problem: Problem, fit: Fit, effect: str) -> Changes:
 
 
 def _apart(first: Floats, second: Floats) -> float:
-    """RMS distance of the midpoints of marks (n, 4), mm, the second path laid on the first by rotation and shift."""
+    """RMS distance of the midpoints of marks (n, 4), mm, after the best rotation and shift of the second path."""
     middles = [np.asarray((p[:, 0] + p[:, 2] + 1j * (p[:, 1] + p[:, 3])) / 2, dtype=complex) for p in (first, second)]
     return rms_apart(middles[0], middles[1])
 

@@ -1,7 +1,7 @@
 """Robot and commands with the quantities common to the session as fitted, for predictions from the start pose.
 
-What a laboratory knows only to within a tolerance (start of motion, clock, scale, level, wheels, places of the marks)
-is one value for all runs. It is fitted on the fitted runs and holds for those held out as it is, like an effect.
+Quantities that a laboratory knows to a tolerance (start of motion, clock, scale, level, wheels, positions of the marks)
+have one value for all runs. It is estimated from the fitted runs and applied to the held-out runs, like an effect.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FACTORS = ("time-base", "plane-scale", "drive-speed-mismatch")
 
 
 def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Point) -> tuple[RunData, ...]:
-    """The runs with their commands as much later as the motion of all of them is found to start."""
+    """The runs with their commands delayed by the fitted common delay of the start of motion."""
     late_s = _found(known, point).get(START, 0.0)
     if not late_s:
         return tuple(data)
@@ -43,7 +43,7 @@ def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Poi
 
 
 def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot:
-    """The robot with the quantities of the session at a fitted point, each as the effect that does the same."""
+    """The robot with the quantities of the session at a fitted point, each as the equivalent effect."""
     found = _found(known, point)
     added: dict[str, dict[str, float]] = {}
     if CLOCK in found:
@@ -65,9 +65,9 @@ def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot
 
 
 def _together(entries: Sequence[EffectEntry], added: Mapping[str, Mapping[str, float]]) -> tuple[EffectEntry, ...]:
-    """Entries of a robot and those of its session; where both have an effect, one that does what both do.
+    """Entries of a robot and of its session; an effect that is in both is combined to one entry.
 
-    An effect may stand once in a robot: one that is named and lies within what is known to a tolerance is in both.
+    A robot may have each effect only once, and a found effect may be the one equivalent to a quantity of the session.
     """
     given = {entry.id: entry.given for entry in entries}
     both = {name: _sum(name, given[name], more) if name in given else more for name, more in added.items()}
@@ -76,7 +76,7 @@ def _together(entries: Sequence[EffectEntry], added: Mapping[str, Mapping[str, f
 
 
 def _sum(effect: str, one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
-    """Factors multiply, slopes add as vectors; offsets add, which is so to first order where marks are turned too."""
+    """Combine two entries: factors multiply, slopes add as vectors, offsets add (to first order with rotated marks)."""
     if effect == "plate-tilt":
         slopes = (cmath.rect(tilt["angle_deg"], math.radians(tilt.get("azimuth_deg", 0.0))) for tilt in (one, other))
         angle, azimuth = cmath.polar(sum(slopes))
@@ -87,14 +87,14 @@ def _sum(effect: str, one: Mapping[str, float], other: Mapping[str, float]) -> d
 
 
 def _found(known: Sequence[Quantity], point: Point) -> dict[str, float]:
-    """Quantities, in their units, that a point moves."""
+    """Quantities with a deviation at a point, in their units."""
     return {item.key: value * item.per_unit for item in known if (value := point.nominal.get(item.key, 0.0))}
 
 
 def _moved_marks(robot: Robot, found: dict[str, float]) -> dict[str, float]:
-    """Shifts of the two marks as one turn about the robot's centre and one shift; empty where they have none.
+    """Shifts of the two marks as a rotation about the robot's centre and a common shift; empty if there are none.
 
-    What is left, a change of their distance, moves neither the midpoint nor the direction.
+    The remainder, a change of their distance, affects neither the midpoint nor the direction.
     """
     shifts = mark_shifts(robot, found)
     if not any(shifts):

@@ -1,13 +1,13 @@
-"""Whether a finding rests on a single run, and is therefore a property of that run and not of the robot.
+"""Findings that depend on a single run, and are therefore a property of that run instead of the robot.
 
-Physics of a robot shows in every run that it acts on, more or less. One run that was mixed up, pushed or driven on
-another plate can bring more evidence than all others together, and a set of effects may imitate it. So the evidence of
-each effect is counted again with each run left out: common parameters and scatter from the others, in the linear views
-of the fits, which are there already.
+Physics of the robot shows in every run that it acts on. One run that was mixed up, pushed or driven on another plate
+can contribute more evidence than all others together, and a set of effects may imitate it. Therefore the evidence of
+each effect is computed again without each run, with common parameters and scatter from the others, in the existing
+linearizations of the fits.
 
-Nothing is wrong with a run that what the others say of the robot follows as well. They say it to within their errors,
-which may move the marks by more than noise does in a drive that none of them has: a run is followed where a robot
-within what they leave open follows it.
+A run is valid if a model fitted to the other runs explains it. The errors of that model may move the marks by more than
+noise, in particular for a command that no other run has: a run counts as explained if a model within these errors
+explains it.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from evaluator.diagnosis.likelihood.problem import Point, Problem
 
 Floats = NDArray[np.float64]
 
-# Runs that are left out in turn: those in which the two models differ most in what they leave over. The one on which
-# all rests is the first of them, but for what common parameters make of it.
+# Number of runs that are left out in turn: those in which the residuals of the two models differ most. The decisive run
+# is usually the first of them.
 TRIED = 3
-FEWEST_RUNS = 4  # three that agree, to say that one does not
+FEWEST_RUNS = 4  # three that agree are needed to show that one does not
 MEAN_SPREAD = (np.mean, partial(np.std, ddof=1))
 
 
 @dataclass(frozen=True)
 class SoleRun:
-    """A run (its number in the session) without which effects would not have been named."""
+    """A run (index in the session) without which effects would not have been found."""
 
     run: int
     gain: float  # log odds of the effects from all runs
@@ -51,10 +51,10 @@ class SoleRun:
 
 
 def sole_run(search: Search, ids: Set, families: int) -> SoleRun | None:
-    """The run on which a set of effects, or one of them, rests alone; None where there is no such run.
+    """The single run on which a set of effects, or one of them, depends; None if there is none.
 
-    Without the run the odds are less than an effect must earn, and the run by itself brings as much: a weak effect,
-    which needs all its runs, is not owed to the one that shows it best.
+    Without this run the odds are below the threshold of an effect, and the run itself contributes as much: a weak
+    effect that needs all its runs does not count as depending on the run that shows it best.
     """
     full = search.fits[ids]
     least = least_gain(ids)
@@ -73,20 +73,20 @@ def sole_run(search: Search, ids: Set, families: int) -> SoleRun | None:
 
 
 def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:
-    """The run but for which a model leaves no more than noise; None where no run is left over, or more than one."""
+    """The only run whose residuals exceed noise; None if there are none or several."""
     worst = int(np.argmax(left.by_run))
     others = np.delete(left.by_run, worst)
     return runs[worst] if left.excess > EXCESS >= float(others.mean()) else None
 
 
 def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> int | None:
-    """The run whose wheel speeds differ from those of all others by more than chance; None where there is no such run.
+    """The run whose wheel speeds differ significantly from those of all others; None if there is none.
 
-    One run that drove another command gives all runs a scatter in which anything may hide. least_percent: of what its
-    wheel speeds differ by; less explains nothing, and the verdict without an innocent run is another one.
+    One run with a wrong command increases the scatter of all runs, which may hide effects. least_percent: least
+    difference of the wheel speeds; a smaller one is irrelevant, and excluding a valid run may change the verdict.
 
-    A gain is drawn towards nought by what its run does not tell, and spreads by the root of the share that it tells: by
-    these roots all are divided, or the runs that tell most would look unlike the others.
+    The estimate of a gain is shrunk by the share of its variance that the run determines, and scatters by the square
+    root of this share; it is therefore divided by this root, or the most informative runs would appear outlying.
     Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
     """
     from scipy import stats
@@ -105,19 +105,19 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> i
 
 
 def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:
-    """Log evidence of a fitted model in its linear view, from all its runs but one."""
+    """Log evidence of a fitted model by linearization, from all its runs or all except one."""
     reduced = fit.reduced if but is None else _without(fit.reduced, but)
     model = MixedModel(reduced, prior_precision(fit.columns, search.tolerance))
     return model.log_evidence(range(len(fit.columns)))
 
 
 def _without(reduced: Reduced, k: int) -> Reduced:
-    """The inner products of all runs but one."""
+    """The inner products of all runs except one."""
     return Reduced(*(np.delete(getattr(reduced, item.name), k, axis=0) for item in fields(reduced)))
 
 
 def _misfits(fit: Fit) -> Floats:
-    """What a fit leaves over of each run, -2 log, with its random effects within the scatter, (n,)."""
+    """Misfit of each run (-2 log density), with its random effects within the scatter, (n,)."""
     reduced, tau = fit.reduced, fit.posterior.scatter
     theta = np.array([fit.point.value(column) for column in fit.columns])
     square = reduced.s - 2 * reduced.g @ theta + np.einsum("p,npq,q->n", theta, reduced.G, theta)
@@ -127,9 +127,9 @@ def _misfits(fit: Fit) -> Floats:
 
 
 def is_followed(problem: Problem, fit: Fit, per_run: Floats, run: int, tolerance: Mapping[str, float]) -> bool:
-    """Whether a fit of other runs follows a run to within noise, wandering friction and the errors of that fit.
+    """Whether a fit to other runs explains a run within noise, varying friction and the errors of that fit.
 
-    per_run: numbers per run (n, 7) of all runs of the problem, near which the run is placed.
+    per_run: (n, 7), start pose and random effects of all runs of the problem, as initial values.
     """
     try:
         placed = place_runs(problem.of_tracking, replace(fit.point, per_run=per_run), [run], fit.posterior.scatter)
@@ -148,9 +148,9 @@ def _is_near(problem: Problem, placed: Point, run: int) -> bool:
 
 
 def _updated(problem: Problem, fit: Fit, placed: Point, run: int, tolerance: Mapping[str, float]) -> Point | None:
-    """The point with the common parameters that a run and those of a fit make most probable together, linearly.
+    """The point with the most probable common parameters given a run and a fit to others, by linearization.
 
-    None where the run wants them farther from those of the fit than chance allows.
+    None if they differ significantly from those of the fit.
     """
     theta = np.array([placed.value(column) for column in fit.columns])
     _, g, G = at_scatter(reduce_runs(problem.linearized(placed, fit.columns, [run])), fit.posterior.scatter)

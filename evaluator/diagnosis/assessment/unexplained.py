@@ -1,7 +1,7 @@
 """Significant residuals of a fitted model, which contradict the verdict "none".
 
-The robot file as it stands may differ from the measurement without anything missing: friction of a run, nominal values
-and what a laboratory knows are free within their tolerances. What is left after that has to depend on nothing.
+The robot file may differ from the measurement without a missing effect: friction of a run, nominal values and
+quantities known to a tolerance are free within their tolerances. The residuals that remain must not depend on anything.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from evaluator.diagnosis.assessment.gap import noise_floor
 from evaluator.diagnosis.assessment.verdict import NOT_CHANCE
 from evaluator.diagnosis.likelihood.problem import Problem
 
-# RMS of t over a run of length 1 about its mean: what a rate leaves of a path that is laid on another.
+# RMS of t about its mean over a run of length 1: displacement by a constant rate after fitting the start pose.
 LAID_ON = 12**-0.5
 
 
 def unexplained(asked: Sequence[Dependence], problem: Problem, path_noise_floors: float) -> Dependence | None:
-    """The most significant thing that a fitted model misses and that matters; None where there is none.
+    """The most significant relevant dependence of the residuals of a fitted model; None if there is none.
 
-    asked: all that was asked of what it leaves over. It is believed where chance makes one so large among all of them
-    with NOT_CHANCE, and matters where it moves the marks of a usual run by so many noise floors.
+    asked: all tested dependences. A dependence is significant if chance gives so large a value among all of them with
+    probability NOT_CHANCE, and relevant if it moves the marks of a typical run by path_noise_floors noise floors.
     """
     believed = [item for item in asked if 2 * float(special.ndtr(-item.sigmas)) * len(asked) < NOT_CHANCE]
     left = [item for item in believed if moved_mm(item, problem) > path_noise_floors * _floor_mm(problem)]
@@ -32,7 +32,7 @@ def unexplained(asked: Sequence[Dependence], problem: Problem, path_noise_floors
 
 
 def moved_mm(item: Dependence, problem: Problem) -> float:
-    """By how much a rate that is missed moves the marks of a usual run, RMS, the start pose at its best."""
+    """RMS displacement of the marks of a typical run by an unexplained rate, mm, with the best start pose."""
     lasting_s = float(np.median([run.time_s[-1] - max(run.start_s, run.time_s[0]) for run in problem.data]))
     rate = np.radians(item.rms) * problem.half_distance_mm if item.quantity == "yaw_deg_s" else item.rms
     return float(rate * lasting_s * LAID_ON)

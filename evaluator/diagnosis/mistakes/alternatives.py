@@ -22,22 +22,22 @@ OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way in which a run may have come about: kind None is what the file says."""
+    """A hypothesis on a run; kind None: the run is as stated in the file."""
 
     kind: Kind | None
     run: RunData
     words: str = ""
-    own: bool = False  # something that only this run has speaks for it
+    own: bool = False  # whether there is specific evidence for it in this run
     later_s: float = 0.0  # of its command log, than the file says
 
 
 def alternatives(
     run: RunData, data: Sequence[RunData], interval_ratio: float | None, same_interval: float
 ) -> list[Alternative]:
-    """What the file says, then every mistake, the commoner before the rarer.
+    """The statement of the file, then every mistake, more common ones first.
 
-    data: all runs, whose commands this one may have been given. interval_ratio: of its frame intervals over those of
-    the session, None where all runs have the same within same_interval.
+    data: all runs, whose commands this run may have had. interval_ratio: frame interval of this run over that of the
+    session, None if all runs have the same within same_interval.
     """
     exchanged = replace(run, marks_mm=run.marks_mm[:, [2, 3, 0, 1]])
     mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
@@ -63,7 +63,7 @@ def alternatives(
 
 
 def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
-    """What makes the files say that a run came about in this way; None where nothing in them does."""
+    """The correction of the files according to a hypothesis; None if no correction exists."""
     if way.kind == "marks-swapped":
         return Correction(marks_exchanged=True)
     if way.kind == "mirrored":
@@ -78,14 +78,14 @@ def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
 
 
 def thinned(run: RunData) -> RunData:
-    """The run with some of its frames only, those in which both marks were seen."""
+    """The run with at most FRAMES of the frames in which both marks were seen."""
     seen = np.flatnonzero(np.isfinite(run.marks_mm).all(axis=1))
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), FRAMES)).astype(int))]
     return replace(run, time_s=run.time_s[chosen], marks_mm=run.marks_mm[chosen], systematic={})
 
 
 def _same_speeds(run: RunData) -> list[Alternative]:
-    """The wheels as fast as the file says, but the other way round, or left for right."""
+    """Hypotheses with the stated wheel speeds, but reversed, or with left and right exchanged."""
     command = run.run_command.command
     found = []
     if command.left_rpm.any() or command.right_rpm.any():
@@ -108,7 +108,7 @@ def _driven(run: RunData, sign: float, *, exchanged: bool) -> RunData:
 
 
 def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
-    """The run with the commands of other runs: constant ones from its own start on, logs in their own time."""
+    """The run with commands of other runs: constant commands from its own start on, logs in their own time."""
     left, right = run.command
     found = []
     tried = {(left, right), (-left, -right), (right, left)} if run.log is None else set()

@@ -9,7 +9,7 @@ from evaluator.interchange.commands import RunCommand
 
 @dataclass(frozen=True)
 class Correction:
-    """Changes to what the files say of a run; nothing is changed that is not given.
+    """Changes to the files of a run; fields that are not given change nothing.
 
     command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. later_s:
     added to start_s. seconds_times: factor of its times. marks_exchanged: the first mark is the second. marks_times:

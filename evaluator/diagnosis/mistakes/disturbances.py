@@ -30,23 +30,23 @@ from simulator.robot import Robot
 # others, as any of two dozen may stand out, and three once what a keystone adds at its place is taken off.
 ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
-UNIT_SHARE = 0.06  # how near to such a ratio the distance of the marks must be
-PX_RATIO = 3.0  # marks so many times too far apart, and of no length unit, are pixels
-LATE_S = 0.1  # beyond what anyone misses a start by, counting frames
-LATE_SPREADS = 6.0  # times what the starts of the session scatter
-LATE_SIGMAS = 5.0  # of what the noise leaves open of this start: any of two dozen may stand out, by tails a little more
-STANDS_SHARE = 0.05  # of the way that the wheels would roll without slip
-HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: no effect of physics changes it so for a moment
-HELD_S = 0.25  # a disturbance lasts longer than a window of the velocity
-BRIEF_S = 0.5  # a robot goes a millimetre or two: no force on the plate comes and goes within that
-SETTLED_S = 0.5  # after the start: motors have come up
+UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
+PX_RATIO = 3.0  # a distance so many times too large, and in no unit of length, is in pixels
+LATE_S = 0.1  # more than the error of a start that is determined by counting frames
+LATE_SPREADS = 6.0  # times the scatter of the starts in the session
+LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
+STANDS_SHARE = 0.05  # of the path that the wheels would roll without slip
+HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
+HELD_S = 0.25  # least duration of a disturbance, longer than the window of a velocity
+BRIEF_S = 0.5  # within it a robot moves by one or two millimetres, too little for a force that varies over the plate
+SETTLED_S = 0.5  # after the start: the motors have reached their speed
 
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs whose marks are not as far apart as the robot file says: another unit, or another robot.
+    """Runs whose marks have another distance than in the robot file: another unit, or another robot.
 
-    Marks that were glued a little elsewhere are so in all runs alike, and a camera that does not look straight down
-    shows them so by the place on the plate: both are for the diagnosis to find.
+    Misplaced marks have the same wrong distance in all runs, and a tilted camera changes it with the position on the
+    plate; both are effects, left to the diagnosis.
     """
     if not data:
         return []
@@ -80,9 +80,9 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 
 
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that start at another time than the file says, against the other runs of the session, or outside.
+    """Runs that start at another time than stated, relative to the other runs, or outside of the recording.
 
-    Where the file says nothing, against the 0 that is taken then: no lag of a motor is asked for.
+    If start_s is not given, the start is compared with its default 0, without a motor lag.
     """
     del robots
     found: list[Found] = []
@@ -101,7 +101,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen = f"moves by {moved_mm:.2g} mm before its motors are switched on at start_s = {run.start_s:g} s"
             remedy = "correct start_s, or cut the frames in which a hand moves the robot"
             found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
-    # what is common to all runs, a lag of the motors or of the clock, is the diagnosis's to find
+    # a delay common to all runs, of the motors or of the clock, is left to the diagnosis
     usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
     for run in data:
         if run.id not in late:
@@ -128,7 +128,7 @@ def _usual(values: Sequence[float]) -> tuple[float, float]:
 
 
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that stand, are held or pushed for a moment, or whose camera moved; at most one of these for each run."""
+    """Runs that stand still, are briefly held or pushed, or whose camera moved; at most one of these for each run."""
     phases = [(phase, robot) for run, robot in zip(data, robots, strict=True) for phase in phases_of(run)]
     standing = {id(phase) for phase, robot in phases if _stands(phase, robot)}
     found = []
@@ -157,7 +157,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
 
 
 def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
-    """Ids of the runs that cover nearly nothing of the way that their wheels would roll, whatever the command."""
+    """Ids of the runs that hardly move compared with the path that their wheels would roll, at any command."""
     found = set()
     for run, robot in zip(data, robots, strict=True):
         phases = phases_of(run)
@@ -167,7 +167,7 @@ def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
 
 
 def _stands(run: RunData, robot: Robot) -> bool:
-    """Whether a run with its motors on covers nearly nothing of the way that its wheels would roll."""
+    """Whether a run with its motors on hardly moves compared with the path that its wheels would roll."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
     faster = _faster_rpm(run)
@@ -181,7 +181,7 @@ def _stands(run: RunData, robot: Robot) -> bool:
 
 
 def _slower_ones_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:
-    """Whether every other phase whose wheels are commanded no faster stands as well: then it is a dead band."""
+    """Whether all other phases with the same or slower wheel commands also stand still, which indicates a dead band."""
     faster = _faster_rpm(phase)
     slower = [other for other in phases if other is not phase and 0 < _faster_rpm(other) <= faster]
     return bool(slower) and all(id(other) in standing for other in slower)
@@ -192,13 +192,13 @@ def _faster_rpm(run: RunData) -> float:
 
 
 def _span(run: RunData) -> tuple[float, float]:
-    """When a run moves at its command, s: from when its motors have come up to their stop."""
+    """Interval, s, in which a run moves at its command: after its motors have reached their speed, until they stop."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     return max(run.start_s, float(run.time_s[0])) + SETTLED_S, end
 
 
 def _carried_off(run: RunData) -> Found | None:
-    """A time without frames over which the run, or its camera, was moved."""
+    """An interval without frames during which the run, or its camera, was displaced."""
     moved = displacement_in_gap(run, _span(run))
     if moved is None:
         return None
@@ -208,7 +208,7 @@ def _carried_off(run: RunData) -> Found | None:
 
 
 def _disturbance(run: RunData) -> Found | None:
-    """A stretch in which the run is held or pushed, from its own usual motion."""
+    """An interval in which the run is held or pushed, compared with its usual motion."""
     begin, end = _span(run)
     motion = motion_of(run, (begin, end)) if end > begin + 4 * HELD_S else None
     if motion is None:
@@ -235,9 +235,9 @@ def _disturbance(run: RunData) -> Found | None:
 
 
 def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float, float] | None:
-    """Begin and end, s, of a moment over which a run was carried or turned off its way.
+    """Begin and end, s, of a brief displacement or rotation of a run off its path.
 
-    A mark mistaken in a frame makes a velocity odd too, but the robot is where it would have been afterwards.
+    A tracking error in a frame also disturbs the velocity, but afterwards the robot is on its path.
     """
     span = _span(run)
     for begin, end in _stretches(unlike, motion):
@@ -248,14 +248,14 @@ def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float
 
 
 def _is_stop(motion: Motion, held: tuple[float, float]) -> bool:
-    """Whether it nearly stands there, also in yaw."""
+    """Whether the robot nearly stands still in an interval, also in yaw."""
     inside = (motion.time_s >= held[0]) & (motion.time_s <= held[1])
     usual = float(np.median(np.abs(motion.yaw)))
     return bool(np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))
 
 
 def _unlike(motion: Motion) -> np.ndarray:
-    """Moments that stand far out of the run's own variation (median and mean absolute deviation)."""
+    """Times at which the motion deviates far from the usual variation of the run (median, mean absolute deviation)."""
     out = np.zeros(len(motion.time_s), dtype=np.bool_)
     for values in (motion.along, motion.across, motion.yaw):
         middle = np.median(values)
@@ -264,13 +264,13 @@ def _unlike(motion: Motion) -> np.ndarray:
 
 
 def _longest(mask: np.ndarray, motion: Motion) -> tuple[float, float] | None:
-    """Begin and end, s, of the longest stretch of a mask that lasts HELD_S; None where none does."""
+    """Begin and end, s, of the longest interval of a mask, if it lasts HELD_S; else None."""
     spans = [(begin, end) for begin, end in _stretches(mask, motion) if end - begin >= HELD_S]
     return max(spans, key=lambda span: span[1] - span[0], default=None)
 
 
 def _stretches(mask: np.ndarray, motion: Motion) -> list[tuple[float, float]]:
-    """Begin and end, s, of the stretches of a mask."""
+    """Begin and end, s, of the intervals of a mask."""
     padded = np.concatenate([[False], mask, [False]]).astype(int)
     begins, ends = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1) - 1
     return [(float(motion.time_s[b]), float(motion.time_s[e])) for b, e in zip(begins, ends, strict=True)]

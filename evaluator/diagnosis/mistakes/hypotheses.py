@@ -1,9 +1,9 @@
 """Comparison of each run with simulations of its stated command and of the hypotheses of mistakes.
 
-A path that was simulated may be laid anywhere on the plate, so all that is compared is its shape in time: RMS distance
-of both marks after the best rotation and shift. A mistake is believed where the run fits it several times better than
-what the file says and the misfit of the file is no small thing: neither beside the path, nor beside the misfit of runs
-whose wheels turn alike. Effects of physics make neither.
+The start pose is unknown, so that only the shape of the path in time is compared: RMS distance of both marks after the
+best rotation and shift. A mistake is accepted if the run fits it several times better than the file, and the misfit of
+the file is large compared with the path and with the misfit of runs with the same wheel speeds. Physical effects cause
+neither.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ Floats = NDArray[np.float64]
 # The misfit of the file, over the extent of the path, from which on a mistake is looked for. The largest effects of the
 # catalogue that keep a robot usable change a path by about a tenth.
 MISFIT_SHARE = 0.15
-BETTER = 3.0  # times: what the mistake must fit better than the file, and the file worse than it does runs of its kin
-ALIKE = 1.3  # times: two mistakes that fit so alike are told by what else is known
+BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
+ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
 # Runs whose wheels turn at the same two speeds, to either side, either way: an effect of physics bends all of them,
 # though not alike. Where so many others fit their file, one that does not is judged from a smaller misfit on.
 FEWEST_KIN = 2
 # Readings that change no speed of a wheel. Another command or rate, of many, fits by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
-NEAR_S = 0.15  # offsets of logs that are one: neighbours among those tried
-SAME_INTERVAL = 0.04  # relative difference of frame intervals that says nothing
+NEAR_S = 0.15  # offsets of logs closer than this are equal: neighbours among the tried ones
+SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A run, the ways in which it may have come about (the file's first), and the misfit of each, mm.
+    """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
 
-    extent_mm: of the path. kin: the wheel speeds, as a key that runs share whose wheels turn alike.
+    extent_mm: of the path. kin: key of the wheel speeds, equal for runs with the same speeds.
     """
 
     ways: list[Alternative]
@@ -56,7 +56,7 @@ class Judgement:
 
 
 def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that fit another command, or marks or times read otherwise, far better than what the file says."""
+    """Runs that fit another command, or another interpretation of marks or times, much better than the file."""
     thin = [thinned(run) for run in data]
     intervals = np.array([np.median(np.diff(run.time_s)) for run in data])
     ratios = intervals / np.median(intervals)
@@ -82,7 +82,7 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
 
 
 def _late_alike(judgements: Sequence[Judgement]) -> set[str]:
-    """The runs that fit their logs best when these are later, where most runs with a log do so by about as much."""
+    """Runs that fit their logs best with a delay, if most runs with a log have about the same delay."""
     best = {}
     for item in judgements:
         if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm[0]):
@@ -95,10 +95,10 @@ def _late_alike(judgements: Sequence[Judgement]) -> set[str]:
 
 
 def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
-    """What was found, but for wrong commands of runs that miss their file little more than runs read rightly do.
+    """The findings without wrong commands of runs whose misfit is only little larger than that of correct runs.
 
-    An effect bends all runs, tight turns most, and of a dozen other commands one fits a bent path by chance. Where the
-    recording belongs to another command it misses by several times what any effect makes of the others.
+    An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance. If
+    the recording belongs to another command, its misfit is several times that of any effect in the other runs.
     """
     wrong = {item.run for item in found}
     right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
@@ -109,9 +109,9 @@ def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) 
 
 
 def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
-    """What was found, but for wrong commands of all runs of some wheel speeds: a wheel that sticks makes these.
+    """The findings without wrong commands that concern all runs of some wheel speeds, as a sticking wheel causes them.
 
-    A command is mixed up in a run, not in every run of the same speeds, forward, backward and with sides exchanged.
+    A command is mixed up in one run, not in every run of the same speeds, forward, backward and with sides exchanged.
     """
     mixed_up = {item.run for item in found if item.kind == "wrong-command"}
     regimes: dict[tuple[tuple[float, float], ...], set[str]] = {}
@@ -122,20 +122,20 @@ def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) ->
 
 
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
-    """The mistake that a run fits which is known to disagree with a robot that all others agree with, if any."""
+    """The mistake that a run fits, for a run known to disagree with a robot that explains all others; None if none."""
     thin = thinned(run)
     (judgement,) = _judgements([alternatives(thin, [thin, *others], None, SAME_INTERVAL)], [robot])
     return _judged(judgement, {"wrong-rate"}, least_share=0.0)
 
 
 def kin(run: RunData) -> tuple[tuple[float, float], ...]:
-    """The wheel speeds of a run, slower first, whichever side and way they turn, in the order of its commands."""
+    """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
     stretches = run.run_command.driven
     return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
 
 
 def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
-    """Simulate every way of every run at once."""
+    """Simulate all hypotheses on all runs in one batch."""
     flat = [way.run for of_run in ways for way in of_run]
     owners = [robot for robot, of_run in zip(robots, ways, strict=True) for _ in of_run]
     predicted = Simulated(owners, flat, {}).marks([Task(k, (0.0,) * PER_RUN) for k in range(len(flat))])
@@ -149,7 +149,7 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
 
 
 def _least_share(of: Judgement, every: Sequence[Judgement]) -> float:
-    """The misfit of the file, over the extent, from which on a mistake is looked for in a run."""
+    """The misfit of the file over the extent above which mistakes are considered for a run."""
     others = [item.share for item in every if item is not of and item.kin == of.kin]
     if len(others) < FEWEST_KIN or not np.isfinite(others).all():
         return MISFIT_SHARE
@@ -157,7 +157,7 @@ def _least_share(of: Judgement, every: Sequence[Judgement]) -> float:
 
 
 def _usual_kinds(judgements: Sequence[Judgement]) -> set[Kind]:
-    """Kinds of mistake that explain most of the runs: a single straight run cannot tell some of them apart."""
+    """Kinds of mistake that explain most of the runs; a single straight run does not distinguish some of them."""
     counts: dict[Kind, int] = {}
     for item in judgements:
         if item.share < MISFIT_SHARE:
@@ -209,12 +209,12 @@ REMEDIES: dict[Kind, str] = {
 
 
 def _extent(marks: Floats, measured: Floats) -> float:
-    """RMS distance of a path from its mean, mm: of the simulated one or the measured one, whichever is larger."""
+    """RMS distance of a path from its mean, mm: the larger one of simulated and measured path."""
     return max(float(np.sqrt(np.sum(np.var(part[:, :2], axis=0)))) for part in (marks, measured))
 
 
 def _misfit(measured: Floats, predicted: Floats) -> float:
-    """RMS distance of marks (n, 4) from predicted ones, laid on them by rotation and shift; NaN where not simulated."""
+    """RMS distance of marks (n, 4) from predicted ones after the best rotation and shift; NaN if not simulated."""
     if not np.isfinite(predicted).all():
         return float("nan")
     return rms_apart(*((part[:, ::2] + 1j * part[:, 1::2]).ravel() for part in (measured, predicted)))

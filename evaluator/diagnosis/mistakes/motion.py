@@ -1,4 +1,4 @@
-"""Motion as measured, without a model: when a run starts, how fast it goes, where it jumps. Plate frame, mm, s, rad."""
+"""Measured motion without a model: start, velocity and jumps of a run. Plate frame, mm, s, rad."""
 
 from __future__ import annotations
 
@@ -84,16 +84,16 @@ def motion_of(run: RunData, between: tuple[float, float] | None = None) -> Motio
 
 @dataclass(frozen=True)
 class Onset:
-    """When motion begins, s, and the standard error of that, s: slow marks in noise leave it open by tenths."""
+    """Time at which motion begins, s, and its standard error, s: tenths of a second for slow marks in noise."""
 
     time_s: float
     sigma_s: float
 
 
 def onset(run: RunData) -> Onset | None:
-    """When motion begins: the distance of the faster mark from its place of rest, extrapolated back to nothing.
+    """Time at which motion begins: the distance of the faster mark from its rest position, extrapolated back to 0.
 
-    None where no rest before it is seen, or no motion. A lag of the motors delays it by its time constant.
+    None without visible rest before it, or without motion. A lag of the motors delays it by its time constant.
     """
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
@@ -128,11 +128,11 @@ def onset(run: RunData) -> Onset | None:
 
 
 def jump(run: RunData) -> tuple[float, float] | None:
-    """The moment, s, and size, mm, of a jump of both marks between two frames; None where there is none.
+    """Time, s, and size, mm, of a jump of both marks between two frames; None if there is none.
 
-    A robot moves by its speed times the time between frames; a camera that is knocked moves at once. Lines through
-    some frames before and after are carried to the moment between. Ordinary are a leap along the change of velocity,
-    as of motors that start between two frames, and one along the path, as of frames that were lost unnoticed.
+    A robot moves by its speed times the frame interval; a camera that is hit moves at once. Lines through some frames
+    before and after are extrapolated to the time between. Not counted are jumps along the change of velocity, as of
+    motors that start between two frames, and along the path, as of unnoticed lost frames.
     """
     time, middle, _ = midpoint_and_heading(run)
     if len(time) < 24:
@@ -172,16 +172,16 @@ def jump(run: RunData) -> tuple[float, float] | None:
 
 
 def _covers(speed: Floats, within_s: tuple[float, float], leap: Floats, least_mm: float) -> bool:
-    """Whether a speed (2,), mm/s, covers a leap (2,), mm, in a time between two bounds, up to least_mm across."""
+    """Whether a velocity (2,), mm/s, explains a jump (2,), mm, in a time between two bounds, up to least_mm across."""
     fast = max(float(np.hypot(*speed)), 1e-9)
     along, across = float(leap @ speed) / fast, float(leap[0] * speed[1] - leap[1] * speed[0]) / fast
     return within_s[0] * fast <= along <= within_s[1] * fast and abs(across) <= least_mm
 
 
 def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:
-    """Begin and end, s, of a time without frames over which a run is carried off, and how far, mm; None without any.
+    """Begin and end, s, of an interval without frames in which a run is displaced, and by how much, mm; else None.
 
-    between: the time, s, over which its motors hold one command; a start or a stop is no push.
+    between: interval, s, of constant command, because a start or a stop is not a push.
     """
     time, _, _ = midpoint_and_heading(run)
     steps = np.diff(time)
@@ -194,14 +194,14 @@ def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[flo
 
 
 def displacement_over(run: RunData, stretch: tuple[float, float], between: tuple[float, float]) -> float:
-    """How far, mm, a mark of a run is carried off its way over a stretch of time, s; 0 where chance explains it.
+    """Displacement, mm, of a mark of a run off its path during an interval, s; 0 if chance explains it.
 
-    between: the time, s, over which its motors hold one command. A turn by hand carries a mark by its angle times
-    half of the distance of the marks.
+    between: interval, s, of constant command. A rotation by hand displaces a mark by its angle times half the distance
+    of the marks.
 
-    Before and after, the robot moves at a velocity in its own frame; half of the stretch at the one, half at the other
-    takes it along arcs from the last pose before to the first after. What is missing to that, beyond what chance, the
-    difference of the two velocities, and the unsteadiness of this run elsewhere allow, nobody's wheels have made.
+    The expected motion is an arc with the body-frame velocity before for half of the interval, and with that after for
+    the other half, from the last pose before to the first pose after. A displacement from it counts beyond noise, the
+    difference of the two velocities, and the variations of this run elsewhere.
     """
     course, arm = midpoint_and_heading(run), _arm_mm(run)
     missing, allowed = _missing_over(course, stretch, between, arm)
@@ -213,7 +213,7 @@ def displacement_over(run: RunData, stretch: tuple[float, float], between: tuple
 def _missing_elsewhere(
     course: tuple[Floats, Floats, Floats], stretch: tuple[float, float], between: tuple[float, float], arm_mm: float
 ) -> float:
-    """The most that is missing over other stretches as long, mm, where the frames are there: ripple, uneven ground."""
+    """Largest displacement, mm, in other intervals of this length with frames, from ripple or uneven ground."""
     time, length = course[0], stretch[1] - stretch[0]
     around = AROUND_GAP * float(np.median(np.diff(time)))
     most = 0.0
@@ -228,9 +228,9 @@ def _missing_elsewhere(
 def _missing_over(
     course: tuple[Floats, Floats, Floats], stretch: tuple[float, float], between: tuple[float, float], arm_mm: float
 ) -> tuple[float, float]:
-    """What is missing to a way over a stretch of time, and what chance and a change of speed explain of it, mm.
+    """Displacement from the expected motion in an interval, and the part that noise and a change of speed explain, mm.
 
-    course: times (n,), midpoints (n, 2) and headings (n,) as of `midpoint_and_heading`. Both are 0 for too few frames
+    course: times (n,), midpoints (n, 2) and headings (n,) from `midpoint_and_heading`. Both are 0 for too few frames
     before or after.
     """
     time, middle, heading = course
@@ -249,24 +249,24 @@ def _missing_over(
 
 
 def _arm_mm(run: RunData) -> float:
-    """From the middle of the marks to one of them, mm."""
+    """Distance from the midpoint of the marks to one of them, mm."""
     return float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) / 2
 
 
 def _carried_mark(change: Floats, arm_mm: float) -> float:
-    """How far a change of pose or velocity (3,) carries a mark, mm (or mm/s), by its shift and by its turn at most."""
+    """Largest displacement of a mark by a change of pose or velocity (3,), mm (or mm/s), from shift and rotation."""
     return float(np.hypot(*change[:2]) + arm_mm * abs(change[2]))
 
 
 def _robust_line(values: Floats, at: Floats) -> tuple[float, float]:
-    """Slope and level at 0 by Theil and Sen: the median slope of all pairs, and the line through both medians."""
+    """Slope and value at 0 by Theil and Sen: the median slope of all pairs, and the line through both medians."""
     rise, run = np.subtract.outer(values, values), np.subtract.outer(at, at)
     slope = float(np.median(rise[run > 0] / run[run > 0]))
     return slope, float(np.median(values) - slope * np.median(at))
 
 
 def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:
-    """Pose (3,) at a moment, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, of a few frames."""
+    """Pose (3,) at a time, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, from a few frames."""
     since = time_s - at_s
     yaw, angle = _robust_line(heading, since)
     # in the frame of the robot a steady turn is straight: the path turned back frame by frame
@@ -282,7 +282,7 @@ def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> 
 
 
 def _carried(pose: Floats, velocity: Floats, time_s: float) -> Floats:
-    """The pose (3,) after a time at a velocity (3,) in the robot's own frame: along an arc."""
+    """The pose (3,) after a time at a constant velocity (3,) in the body frame: an arc."""
     turn = velocity[2] * time_s
     mean = pose[2] + turn / 2
     chord = np.sinc(turn / 2 / np.pi) * time_s

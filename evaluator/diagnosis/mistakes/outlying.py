@@ -11,17 +11,18 @@ from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.effects.parameter import PAPER_SIZE
 from simulator.robot import Robot
 
-# A neighbour that is a quarter faster or slower has 64 % of the evidence or more for what grows with speed: what speaks
-# loudly in one run cannot be silent in it. The share of the wheel speeds by which turns differ counts likewise.
+# Ratio of speeds of neighbouring runs. A run that is a quarter faster or slower has at least 64 % of the evidence for
+# an effect that grows with speed, so that a strong effect in one run is visible in the other. The same holds for the
+# ratio of the wheel speeds.
 SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
 REPEAT = "inspect the recording, or repeat the run"
 
 
 def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
-    """Whether other runs drive like it: else a regime of its own may speak in this run.
+    """Whether other runs drive similarly; otherwise an effect may act in this run alone.
 
-    The wheels of another run turn at the same speeds, or both speeds and their ratio lie between those of others, or
-    next to them: what depends on speed or slip cannot act in this run and in none of those around it.
+    Another run has the same wheel speeds, or both speeds and their ratio lie between or next to those of others: an
+    effect that depends on speed or slip then acts in other runs, too.
     """
     if any(kin(other) == kin(run) for other in others):
         return True
@@ -40,7 +41,7 @@ def _drive(pair: tuple[float, float]) -> tuple[float, float, float]:
 
 
 def _among(drive: tuple[float, float, float], around: Sequence[tuple[float, float, float]]) -> bool:
-    """Whether every number of a way to drive lies between those of others, or next to them."""
+    """Whether all three numbers of a run lie between or next to those of others."""
     lowest, highest = (tuple(pick(column) for column in zip(*around, strict=True)) for pick in (min, max))
     speeds = all(
         low / SPEED_FACTOR <= value <= high * SPEED_FACTOR
@@ -52,10 +53,10 @@ def _among(drive: tuple[float, float, float], around: Sequence[tuple[float, floa
 def outlying_run(
     run: RunData, others: Sequence[RunData], robot: Robot, gains: tuple[float, float] | None = None
 ) -> Mistake:
-    """The mistake of a run that alone disagrees; robot: as recalibrated by the others.
+    """The mistake of the only run that disagrees; robot: with values fitted to the others.
 
-    Of a robot of a metre it is not said which mistake: of two dozen other commands one fits by chance what ground did.
-    gains: how much faster than commanded its wheels turn, relative, where these alone are what disagrees.
+    For a robot of a metre the kind is not determined, because one of two dozen other commands fits the influence of the
+    ground by chance. gains: relative excess of its wheel speeds, if only these disagree.
     """
     alone = f"{run.id} disagrees with the robot that the other {len(others)} runs determine"
     on_ground = size_of(robot) != PAPER_SIZE

@@ -8,11 +8,11 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 
-FEWEST_FRAMES = 4  # of a phase; fewer say nothing of a motion
+FEWEST_FRAMES = 4  # of a phase; fewer do not determine a motion
 
 
 def phases_of(run: RunData) -> list[RunData]:
-    """The run, or, of one with a command log, a part for each command that it holds with a motor on."""
+    """The run itself, or for a run with a command log one part for each constant command with a motor on."""
     if run.log is None:
         return [run]
     seen = np.isfinite(run.marks_mm).all(axis=1)

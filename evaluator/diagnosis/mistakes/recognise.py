@@ -18,8 +18,8 @@ from simulator.robot import Robot
 def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]:
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
-    robots: one per run, as their files say. Of a robot of a metre only what concerns most runs is believed: ground
-    moves a single run as far from the model of the file as a mistake does.
+    robots: one per run, from their files. For robots of a metre only mistakes of most runs are accepted, because the
+    ground displaces a single run from the model as far as a mistake does.
     """
     same = copies(data)
     found = list(same)
@@ -47,7 +47,7 @@ def _of_the_rest(
     robots: Sequence[Robot],
     found: Sequence[Found],
 ) -> list[Found]:
-    """What a search finds in the runs in which nothing was found yet."""
+    """Findings of a search in the runs without findings so far."""
     known = {item.run for item in found}
     rest = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in known]
     return search([run for run, _ in rest], [robot for _, robot in rest]) if rest else []

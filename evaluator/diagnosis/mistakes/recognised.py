@@ -41,15 +41,15 @@ ORDER: tuple[Kind, ...] = (
     "pushed",
     "outlying",
 )
-MOST = 0.8  # of the runs: what concerns so many is a habit of the session, said once
+MOST = 0.8  # of the runs: a mistake of so many concerns the session and is reported once
 
 
 @dataclass(frozen=True)
 class Found:
-    """A mistake in one run: what is seen, as the end of a sentence that begins with the run, and the remedy.
+    """A mistake in one run: the evidence, as the end of a sentence that begins with the run, and the remedy.
 
-    equivalent: other kinds that this run alone cannot be distinguished from. correction: what puts its files right, if
-    anything does. group: runs of which it is said once, of all together.
+    equivalent: other kinds that this run alone does not distinguish. correction: of its files, if there is one. group:
+    runs for which it is reported together.
     """
 
     run: str
@@ -63,10 +63,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake of one run or of many; everywhere: of all runs, or nearly all.
+    """A mistake of one or several runs; everywhere: of all runs, or nearly all.
 
-    equivalent_kinds: what the runs could as well be, as far as their motion tells. corrections: what puts the files of
-    a run right, for those where something does.
+    equivalent_kinds: other kinds that the motion of the runs does not distinguish. corrections: of the files, by run,
+    if there are any.
     """
 
     runs: tuple[str, ...]
@@ -78,9 +78,9 @@ class Mistake:
 
 
 def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] | None = None) -> list[Mistake]:
-    """One mistake for each run that has one, the first kind in ORDER; those of most runs together.
+    """One mistake for each run that has any, the first kind in ORDER; mistakes of most runs are combined.
 
-    runs: how many there are in all. showing: of kinds that not every run can show, how many could.
+    runs: total number. showing: number of runs that can show a kind, for kinds that not every run can show.
     """
     first = {
         item.run: item for item in sorted(found, key=lambda item: ORDER.index(item.kind), reverse=True)

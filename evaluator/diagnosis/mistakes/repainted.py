@@ -1,4 +1,4 @@
-"""Runs in two groups, in one of which the marks are nearer together: they were repainted, or it is another robot."""
+"""Two groups of runs with different distances of the marks: repainted marks, or another robot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ APART = 2.0  # times the range of either group: what lies between them. Runs of 
 
 
 def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """The runs whose marks are farther from the robot file, where all runs are of two kinds; else none."""
+    """The runs whose distance of the marks differs more from the robot file, if all runs form two groups; else none."""
     lines_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
     spacings = [spacing(run.marks_mm, line) for run, line in zip(data, lines_mm, strict=True)]
     if len(data) < 2 * FEWEST_OF_GROUP or any(run.from_poses for run in data):

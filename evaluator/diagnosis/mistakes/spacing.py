@@ -13,12 +13,12 @@ Floats = NDArray[np.float64]
 FRAMES = 40  # of a run: its path is smooth
 FEWEST_OTHERS = 4  # runs from which the change of scale over the plate is learned
 ROUNDS = 30  # of reweighting; a median regression of some hundred points settles in a dozen
-LEAST_RESIDUAL = 1e-4  # below it a point weighs no more
+LEAST_RESIDUAL = 1e-4  # residual below which the weight of a point no longer increases
 
 
 @dataclass(frozen=True)
 class Spacing:
-    """Distance of the marks over the stated one in some frames of a run, and what a keystone adds there.
+    """Distance of the marks over the stated one in some frames of a run, and its derivative by a keystone.
 
     ratio: (n,). stretch_mm: (n, 2), the change of the ratio for 1 per mm of keystone along x and y of the plate.
     """
@@ -28,7 +28,7 @@ class Spacing:
 
 
 def spacing(marks_mm: Floats, stated_mm: float) -> Spacing:
-    """Of the frames in which both marks (n, 4) are seen; there must be one.
+    """The spacing in frames with both marks (n, 4), of which there must be at least one.
 
     A scale 1 + k·p stretches the line through the marks, of direction u and middle p, by k·p + (k·u)(p·u).
     """
@@ -42,9 +42,9 @@ def spacing(marks_mm: Floats, stated_mm: float) -> Spacing:
 
 
 def by_keystone(run: Spacing, others: Sequence[Spacing]) -> float:
-    """How much the keystone that the other runs show adds to the median ratio of a run; 0 where they are too few.
+    """Contribution to the median ratio of a run by the keystone that the other runs show; 0 if they are too few.
 
-    Median regression: one of the others may be of another robot itself.
+    By median regression, because one of the others may be another robot itself.
     """
     if len(others) < FEWEST_OTHERS:
         return 0.0
