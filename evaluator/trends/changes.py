@@ -52,10 +52,10 @@ class Change:
     p: float
 
 
-def changes(levels: Sequence[Level], series: int = 1) -> tuple[Change, ...]:
-    """Changes of a series in the order of time; levels that are not finite are passed over.
+def changes(levels: Sequence[Level], series: int) -> tuple[Change, ...]:
+    """Changes of a series, in order of time; levels that are not finite are ignored.
 
-    series: how many series are searched together; their number divides the significance (Bonferroni).
+    series: number of series that are searched together, by which the significance is divided (Bonferroni).
     """
     there = [at for at, level in enumerate(levels) if np.isfinite(level.value) and np.isfinite(level.error)]
     known = [levels[at] for at in there]
@@ -89,7 +89,7 @@ def _windows(count: int) -> list[tuple[int, int]]:
 
 
 def _search(levels: Sequence[Level], windows: Sequence[tuple[int, int]], threshold: float) -> list[int]:
-    """Places where the level changes: the narrowest significant window, then the windows on either side of it."""
+    """Indices at which the level changes: in the narrowest significant window, then in the windows on either side."""
     for start, stop in windows:
         best = _best(levels, start, stop)
         if best.p < threshold:
@@ -100,14 +100,14 @@ def _search(levels: Sequence[Level], windows: Sequence[tuple[int, int]], thresho
 
 
 def _best(levels: Sequence[Level], start: int, stop: int) -> Change:
-    """The split of a window whose sides differ most surely."""
+    """The split of a window whose sides differ most significantly."""
     return min(
         (_change(levels[start:at], levels[at:stop], at) for at in range(start + 1, stop)), key=lambda change: change.p
     )
 
 
 def _change(before: Sequence[Level], after: Sequence[Level], at: int) -> Change:
-    """Compare two neighbouring stretches; what they share cancels unless their sources differ."""
+    """Compare two neighbouring stretches; their common systematic error cancels unless their sources differ."""
     shared = len({level.source for level in (*before, *after)}) == 1
     sides = [_pool(before, shared=shared), _pool(after, shared=shared)]
     first, second = (_with_scatter(one, other) for one, other in zip(sides, sides[::-1], strict=True))
@@ -115,7 +115,7 @@ def _change(before: Sequence[Level], after: Sequence[Level], at: int) -> Change:
 
 
 def _pool(levels: Sequence[Level], *, shared: bool) -> Pooled:
-    """Mean of a stretch. A single value keeps the degrees of freedom that its own error has."""
+    """Mean of a stretch. A single value has the degrees of freedom of its error."""
     systematic = 0.0 if shared else max(level.systematic for level in levels)
     found = pooled(np.array([level.value for level in levels]), np.array([level.error for level in levels]))
     freedom = levels[0].freedom if len(levels) == 1 else found.freedom
@@ -123,7 +123,7 @@ def _pool(levels: Sequence[Level], *, shared: bool) -> Pooled:
 
 
 def _with_scatter(side: Pooled, other: Pooled) -> Pooled:
-    """A single session says nothing of the scatter from session to session: it is taken from the other stretch."""
+    """A single session does not determine the scatter between sessions, which is taken from the other stretch."""
     if side.runs > 1 or other.runs < 2:
         return side
     error = float(np.hypot(side.error, other.between))

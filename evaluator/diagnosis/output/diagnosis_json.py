@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import astuple
 
@@ -14,35 +13,27 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
-from evaluator.diagnosis.assessment.knowledge import strained
-from evaluator.diagnosis.assessment.model_comparison import Set
 from evaluator.diagnosis.assessment.relevance import Changes
-from evaluator.diagnosis.assessment.verdict import carries_over
-from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
+from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
 from evaluator.diagnosis.output.content import (
     ChangesContent,
     DiagnosisContent,
     GapContent,
     KnownTogetherContent,
-    NextExperimentContent,
     NoiseContent,
     NominalContent,
     Number,
     PairContent,
-    RivalContent,
     WhereContent,
 )
 from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
 from evaluator.diagnosis.output.unlike_runs import unlike
-from evaluator.wording import power_of_ten
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 Floats = NDArray[np.float64]
-
-RIVALS_LISTED = 8
 
 
 def record(diagnosis: Diagnosis) -> DiagnosisContent:
@@ -110,8 +101,8 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
             }
             for item in apart
         ],
-        "rivals": _rivals(diagnosis),
-        "next_experiment": _next(diagnosis),
+        "rivals": rivals(diagnosis),
+        "next_experiment": next_experiment(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
         "runs_not_followed": [diagnosis.session.data[run].id for run in diagnosis.outlying],
         "unlike_runs": unlike(diagnosis),
@@ -201,91 +192,6 @@ def _gap(diagnosis: Diagnosis) -> GapContent:
             run: {"before": rounded(b), "after": rounded(a), "noise_floor": rounded(f)}
             for run, b, a, f in zip(ids, gap.before_mm, gap.after_mm, gap.floor_mm, strict=True)
         },
-    }
-
-
-def _rivals(diagnosis: Diagnosis) -> list[RivalContent]:
-    table = diagnosis.standing
-    assert table is not None
-    best = table.of(diagnosis.chosen)
-    rivals: list[RivalContent] = []
-    for ids, score, probability in zip(table.sets, table.scores, table.probability, strict=True):
-        if ids != diagnosis.chosen and len(rivals) < RIVALS_LISTED:
-            rivals.append(
-                {
-                    "effects": names(ids),
-                    "probability": round(float(probability), 4),
-                    "log_odds": rounded(float(score) - best),
-                    "reason": _reason(diagnosis, ids, float(score) - best),
-                    "strains": _strains(diagnosis, ids),
-                    "carries_over": _carries_over(diagnosis, ids),
-                }
-            )
-    return rivals
-
-
-def _carries_over(diagnosis: Diagnosis, ids: Set) -> bool | None:
-    """Whether each effect of a set also predicts left-out commands; None except on open ground, where it must."""
-    search = diagnosis.search
-    assert search is not None
-    return carries_over(search, ids) if search.problem.open_ground else None
-
-
-def _strains(diagnosis: Diagnosis, ids: Set) -> list[str]:
-    """Quantities that a set moves beyond their tolerances."""
-    search = diagnosis.search
-    assert search is not None
-    return sorted(strained(search.fits[ids], search.null, search.tolerance))
-
-
-def names(ids: Set) -> list[str]:
-    """Effect ids of a set, sorted; free-form terms in their notation."""
-    return sorted(ids)
-
-
-def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
-    chosen = diagnosis.chosen
-    if not ids:
-        return f"without any effect the runs are {_times(odds)} less probable"
-    if ids < chosen:
-        return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
-    if odds > 0 and _carries_over(diagnosis, ids) is False:
-        return "an effect in it predicts commands left out no better than chance"
-    if ids > chosen:
-        return f"adding {', '.join(sorted(ids - chosen))} is not significant"
-    return (
-        f"makes the runs {_times(odds)} less probable" if odds < 0 else "it contains an effect that is not significant"
-    )
-
-
-def _times(odds: float) -> str:
-    """A factor in words, from the logarithm of its inverse."""
-    if -odds > math.log(1e4):
-        return f"{power_of_ten(-odds / math.log(10))} times"
-    return f"{math.exp(-odds):.{1 if -odds < math.log(10) else 0}f} times"
-
-
-def _next(diagnosis: Diagnosis) -> NextExperimentContent | None:
-    following = diagnosis.next_runs
-    if following is None:
-        return None
-    times = Counter(following.runs)
-    return {
-        "runs": [
-            {
-                "left_rpm": run.left_rpm,
-                "right_rpm": run.right_rpm,
-                "x_mm": run.x_mm,
-                "y_mm": run.y_mm,
-                "heading_deg": run.heading_deg,
-                "duration_s": run.duration_s,
-                "times": count,
-            }
-            for run, count in times.items()
-        ],
-        "separation_sigmas": {name: rounded(value) for name, value in following.sigmas.items()},
-        "most_runs": MOST_RUNS,
-        "inseparable_sigmas": {name: rounded(value) for name, value in following.inseparable.items()},
     }
 
 

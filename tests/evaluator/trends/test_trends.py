@@ -24,7 +24,7 @@ def levels(values: list[float], error: float = 0.01, **more: object) -> list[Lev
 
 
 def test_a_step_is_found_where_it_is_with_its_size() -> None:
-    (found,) = changes(levels([10.0, 10.01, 9.99, 10.5, 10.51, 10.49]))
+    (found,) = changes(levels([10.0, 10.01, 9.99, 10.5, 10.51, 10.49]), 1)
     assert found.at == 3
     assert found.difference == pytest.approx(0.5, abs=1e-9)
     assert found.low < 0.5 < found.high
@@ -32,18 +32,18 @@ def test_a_step_is_found_where_it_is_with_its_size() -> None:
 
 def test_a_change_lies_where_the_narrowest_window_that_shows_it_says() -> None:
     # Cut after the first value the whole series differs as surely, as what follows then scatters most.
-    (found,) = changes([Level(value, 0.3, 50.0) for value in (-0.7, 1.2, 6.2, 5.9, 6.3, 6.6)])
+    (found,) = changes([Level(value, 0.3, 50.0) for value in (-0.7, 1.2, 6.2, 5.9, 6.3, 6.6)], 1)
     assert found.at == 2
 
 
 def test_two_steps_are_measured_between_their_neighbours() -> None:
-    found = changes(levels([10.0, 10.01, 9.99, 11.0, 11.01, 10.99, 10.0, 10.01, 9.99]))
+    found = changes(levels([10.0, 10.01, 9.99, 11.0, 11.01, 10.99, 10.0, 10.01, 9.99]), 1)
     assert [change.at for change in found] == [3, 6]
     assert [change.difference for change in found] == pytest.approx([1.0, -1.0], abs=1e-9)
 
 
 def test_a_session_without_the_quantity_is_passed_over() -> None:
-    (found,) = changes(levels([10.0, 10.01, float("nan"), 9.99, 10.5, 10.51, 10.49]))
+    (found,) = changes(levels([10.0, 10.01, float("nan"), 9.99, 10.5, 10.51, 10.49]), 1)
     assert found.at == 4
 
 
@@ -58,14 +58,14 @@ def test_sessions_that_scatter_have_no_change() -> None:
             Level(value, error, FOUR_RUNS)
             for value, error in zip(runs.mean(axis=1), runs.std(axis=1, ddof=1) / 2, strict=True)
         ]
-        false += bool(changes(series))
+        false += bool(changes(series, 1))
     assert false <= 60 * 0.135  # 5 % promised: 3.0 ± 1.7; three standard deviations above
 
 
 def test_what_another_camera_leaves_open_is_no_change() -> None:
     before = levels([10.0, 10.01, 9.99], systematic=0.5, source="first")
-    assert changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="first")])
-    assert not changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="second")])
+    assert changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="first")], 1)
+    assert not changes([*before, *levels([10.5, 10.51, 10.49], systematic=0.5, source="second")], 1)
 
 
 def test_what_many_series_together_show_by_chance_is_no_change() -> None:
