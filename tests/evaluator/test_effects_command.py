@@ -103,7 +103,7 @@ assert steady_turn(robot, 33.3, 14.4).radius_mm != steady_turn(load_robot("barre
 from evaluator.diagnosis.candidates.coordinates import named_terms
 candidate = named_terms(20.0, (30.0,))["side-wind"]
 assert candidate.coordinates[0].step == 0.05 and candidate.physical((2.0,)) == {"force_mN": 2.0}
-from evaluator.report.diagnosis.words import parameter
+from evaluator.report.diagnosis.values import parameter
 assert parameter("force_mN", "side-wind") == ("force", "mN")
 from evaluator.report.pages import effects as page
 page.EFFECTS = {"side-wind": page.EFFECTS["side-wind"]}  # another test draws the others

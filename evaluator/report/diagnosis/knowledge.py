@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluator.report.diagnosis.words import (
-    as_sentence,
-    closes,
-    effect_words,
-    length,
-    value_text,
-    with_interval,
-)
+from evaluator.report.diagnosis.values import length, value_text, with_interval
+from evaluator.report.diagnosis.words import as_sentence, closes, effect_words
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 

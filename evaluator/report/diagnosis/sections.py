@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section, predicted_sentence
+from evaluator.report.diagnosis.values import length, parameter, percent_text, signed_percent, sizes, value_text
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     RUN_KEYS,
@@ -17,17 +18,11 @@ from evaluator.report.diagnosis.words import (
     gap_sentence,
     in_words,
     left_out_sentence,
-    length,
     next_runs,
     not_tried_sentence,
-    parameter,
-    percent_text,
     rivals_sentence,
     separations_sentence,
-    signed_percent,
-    sizes,
     unlike_sentences,
-    value_text,
     verdict_sentence,
     where_sentences,
 )

@@ -21,7 +21,8 @@ from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_values_of_each
 from evaluator.interchange.commands import constant
-from evaluator.report.diagnosis.words import in_words, parameter
+from evaluator.report.diagnosis.values import parameter
+from evaluator.report.diagnosis.words import in_words
 from evaluator.robot_geometry import reference_places
 from evaluator.settings import KnownTo
 from simulator.effects.parameter import PAPER_SIZE, UNITS, Size

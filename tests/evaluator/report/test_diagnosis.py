@@ -11,14 +11,12 @@ import pytest
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
 from evaluator.report.diagnosis.knowledge import finding_sentences, preferred_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
+from evaluator.report.diagnosis.values import length, parameter, sizes
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     left_out_sentence,
-    length,
     next_runs_sentence,
-    parameter,
     rivals_sentence,
-    sizes,
     verdict_sentence,
     where_sentences,
 )

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from evaluator.report.diagnosis.sections import _small_print
-from evaluator.report.diagnosis.words import percent_text
+from evaluator.report.diagnosis.values import percent_text
 from evaluator.report.numbers import number, significant
 from evaluator.report.pages.html import prose
 from evaluator.wording import power_of_ten, with_bounds
