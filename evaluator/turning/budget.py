@@ -105,9 +105,10 @@ def _noise(poses: Poses, turning: Turning) -> Contribution:
 def _of_camera(
     through: Callable[[Camera], tuple[Poses, Turning]], camera: Camera, height_mm: float
 ) -> list[Contribution]:
-    """What the tracker gets wrong in all frames alike, then the images of the gauge, then its pitch.
+    """Contributions of tracking errors common to all frames, of the gauge images, and of the gauge's pitch.
 
-    Each camera knows more exactly than the one before: the differences of the squares are the parts.
+    Each camera has one source of uncertainty less than the previous one; the contributions are the differences of the
+    squares.
     """
     exact = camera.with_exact_pitch()
     perfect = replace(exact, covariance=np.zeros_like(exact.covariance))
@@ -132,7 +133,7 @@ def _common_heading_deg(poses: Poses) -> float:
 
 
 def _moved(geometry: MarkGeometry, sigma_mm: float) -> list[MarkGeometry]:
-    """The marks with every coordinate of every one off by its uncertainty, one after the other."""
+    """Geometries with one coordinate of one mark changed by its uncertainty, for every coordinate and mark."""
     return [
         MarkGeometry({**geometry.places_mm, name: (x + dx, y + dy)}, height_mm=geometry.height_mm)
         for name, (x, y) in geometry.places_mm.items()
@@ -141,7 +142,7 @@ def _moved(geometry: MarkGeometry, sigma_mm: float) -> list[MarkGeometry]:
 
 
 def _between(source: str, here: tuple[Poses, Turning], changed: list[tuple[Poses, Turning]]) -> Contribution:
-    """Differences of changed measurements from the one that counts, added in quadrature."""
+    """Differences between changed measurements and the actual one, added in quadrature."""
     poses, turning = here
     radius = [other.radius_mm - turning.radius_mm for _, other in changed]
     speed = [other.speed_mm_s - turning.speed_mm_s for _, other in changed]
@@ -158,7 +159,7 @@ def _placed(marks: pd.DataFrame, geometry: MarkGeometry) -> bool:
 
 
 def _at_height(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera, height_mm: float) -> pd.DataFrame:
-    """The marks placed on a plane of another height."""
+    """The marks mapped to a plane of another height."""
     result = marks.copy()
     for name in geometry.seen_in(marks).names:
         points = camera.plate_from_image(marks[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float), height_mm)

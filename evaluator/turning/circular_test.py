@@ -1,11 +1,11 @@
 """The steady-state circular test: how radius, yaw rate and sideslip change with speed (ISO 4138, SAE J266).
 
-A skid-steered robot has no steering wheel: what steers it is the curvature that wheels without slip would give the
-commanded rotations, κc = 2·(n_R − n_L)/(B·(n_R + n_L)), B: track. In a steady turn κc = A·κ + K·a_y, with the curvature
-κ of the path of the robot's centre and its lateral acceleration a_y = speed · yaw rate. A is how much more than its
-path the command must bend (1: it turns as it rolls); K is the understeer gradient. At constant command κ is regressed
-on a_y, at constant radius κc; K·L is stated in degrees per m/s² as for a car of the robot's wheelbase L. K > 0: the
-faster, the wider it turns (understeer).
+A skid-steered robot has no steering wheel. Its steering input is the curvature at which wheels without slip would turn
+with the commanded rotations, κc = 2·(n_R − n_L)/(B·(n_R + n_L)), B: track. In a steady turn κc = A·κ + K·a_y, with the
+curvature κ of the path of the robot's centre and its lateral acceleration a_y = speed · yaw rate. A is the ratio of
+commanded and actual curvature at low speed (1: rolling without slip); K is the understeer gradient. At constant command
+κ is regressed on a_y, at constant radius κc; K·L is stated in degrees per m/s² as for a car of the robot's wheelbase L.
+K > 0: the radius grows with speed (understeer).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from evaluator.errors import InputError
 Array = NDArray[np.float64]
 NAN = float("nan")
 COLUMNS = ("run", "left_rpm", "right_rpm", "speed_mm_s", "yaw_rate_deg_s", "body_slip_angle_deg")
-FEWEST_SPEEDS = 3  # for a gradient whose scatter can be told
-SAME_COMMAND = 1e-3  # ratios of rotations this close are one command: rpm are given to a tenth or so
-SAME_RADIUS = 0.15  # of it: radii that a constant-radius test keeps, steered by what was known before it
+FEWEST_SPEEDS = 3  # for a gradient with an estimate of its scatter
+SAME_COMMAND = 1e-3  # ratios of rotations closer than this are one command: rpm are stated to about a tenth
+SAME_RADIUS = 0.15  # relative variation of the radius in a constant-radius test, whose commands are chosen in advance
 MM_PER_M = 1000.0
 
 
@@ -97,7 +97,7 @@ def commanded_curvature_per_mm(left_rpm: Array, right_rpm: Array, track_mm: floa
 
 
 def _points(turns: pd.DataFrame, track_mm: float) -> pd.DataFrame:
-    """What is plotted and regressed: sizes without sign, and the direction and side of every turn."""
+    """Data of plots and regressions: absolute values, and the direction and side of every turn."""
     left, right = turns["left_rpm"].to_numpy(float), turns["right_rpm"].to_numpy(float)
     speed, yaw = np.abs(turns["speed_mm_s"].to_numpy(float)), np.radians(turns["yaw_rate_deg_s"].to_numpy(float))
     commanded = commanded_curvature_per_mm(left, right, track_mm)
@@ -137,7 +137,7 @@ def _sigma(turns: pd.DataFrame, name: str) -> Array:
 
 
 def _series(points: pd.DataFrame) -> Iterator[tuple[str, list[int]]]:
-    """Rows of every series: runs of one command over speed; what is left, runs of one radius."""
+    """Rows of every series: runs of one command over speed; of the remaining ones, runs of one radius."""
     for _, alike in points.groupby(["direction", "side"], sort=False):
         left = list(alike.index)
         for ratio in sorted(alike["ratio"].unique(), reverse=True):
@@ -160,7 +160,7 @@ def _same_series(points: pd.DataFrame, like: CircularTest) -> Iterator[tuple[str
 
 
 def _speeds(rows: pd.DataFrame) -> int:
-    """How many speeds of the faster wheel there are."""
+    """Number of distinct speeds of the faster wheel."""
     return len(set(rows[["left_rpm", "right_rpm"]].abs().max(axis=1).round(6)))
 
 
@@ -201,7 +201,7 @@ class _Line:
 
 
 def _line(x: Array, y: Array, sigma: float) -> _Line:
-    """Least squares; the scatter about the line is that of the runs, and never below sigma, what is stated for one."""
+    """Least squares; the scatter about the line is that of the runs, but at least sigma, the uncertainty of one run."""
     middle, free = float(x.mean()), len(x) - 2
     off = x - middle
     slope = float(off @ y / (off @ off))

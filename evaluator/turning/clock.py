@@ -1,9 +1,9 @@
 """Delay between the command log of a run and its motion, estimated from the changes of command.
 
-Around a change of command the robot has one steady velocity before and another after it; where both meet is the moment
-of the change in the time of the recording. Near every change the pose is fitted with a constant velocity (forward,
-sideways, yaw) on either side; the delay common to all changes is that of the least misfit. It includes the lag of the
-motors, which a recording cannot distinguish from an offset of the clocks.
+The robot has one steady velocity before a change of command and another one after it; they meet at the time of the
+change in the recording. Near every change, the pose is fitted with a constant velocity (forward, sideways, yaw) on
+either side; the delay common to all changes is the one with the smallest misfit. It includes the lag of the motors,
+which a recording cannot distinguish from an offset of the clocks.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Array = NDArray[np.float64]
 NAN = float("nan")
 
 COARSE_S, FINE_S = 3.0, 1.0  # of motion on either side of a change: enough to find it, short enough to be steady
-MOST_LATE_S = 2.0  # clocks that differ by more are set right by start_s
+MOST_LATE_S = 2.0  # larger differences of the clocks are to be corrected by start_s
 FEWEST_FRAMES = 6  # on either side of a change
 CHI2_95 = 3.841  # one parameter
-UNSEEN = 1e30  # misfit where no change has enough frames on either side: more than any that has
+UNSEEN = 1e30  # misfit if no change has enough frames on either side
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
 def _refined(
     time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], coarse: float, step: float
 ) -> CommandDelay:
-    """The least misfit near a coarse delay, and where the misfit has grown by the 95 % point on either side."""
+    """The delay of smallest misfit near a coarse one, and its 95 % limits, by the growth of the misfit."""
 
     def misfit(late: float) -> float:
         return _misfit(time_s, pose, windows, late)[0]
@@ -95,7 +95,7 @@ def _refined(
 
 
 def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float, step: float) -> float:
-    """How far from the best delay the misfit reaches a limit, one way."""
+    """Distance from the best delay, in one direction, at which the misfit reaches a limit."""
     inner, outer = 0.0, step / 64
     while misfit(best + way * outer) < limit and outer < MOST_LATE_S:
         inner, outer = outer, 2 * outer
@@ -108,10 +108,10 @@ def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float
 def _misfit(
     time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], late: float
 ) -> tuple[float, int, float]:
-    """Misfit over all changes, its degrees of freedom, and how much the misfit of a frame is like that of the next.
+    """Misfit over all changes, its degrees of freedom, and the correlation of residuals between successive frames.
 
-    Positions and headings each have the noise that they show: the misfit is the product of their sums of squares, each
-    to the power of its share of the freedom.
+    The noise of positions and headings is estimated from their residuals: the misfit is the product of their sums of
+    squares, each to the power of its share of the degrees of freedom.
     """
     place, turn, counts = 0.0, 0.0, [0, 0]
     products, squares = 0.0, 0.0
@@ -133,7 +133,7 @@ def _misfit(
 
 
 def _left_over(since: Array, pose: Array) -> tuple[Array, Array]:
-    """What constant velocities before and after a change leave of headings (m,), rad, and places (m, 2), mm."""
+    """Residuals of headings (m,), rad, and positions (m, 2), mm, from constant velocities before and after a change."""
     before, after = np.minimum(since, 0), np.maximum(since, 0)
     design = np.column_stack([np.ones_like(since), before, after])
     heading, rates = _fitted(design, pose[:, 2])

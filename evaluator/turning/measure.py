@@ -98,7 +98,7 @@ def measure_turning(
 
 
 def _one_mark(name: str, poses: Poses, start_s: float | None, stop_s: float | None) -> Turning:
-    """What the path of a single mark tells: its radius and speed, nothing of the robot's centre."""
+    """Measurement from a single mark: its path radius and speed, without those of the robot's centre."""
     path = measure_path(poses.time_s, np.column_stack([poses.x_mm, poses.y_mm]), start_s, stop_s)
     return Turning(
         radius_status=f"{NO_HEADING}; {name} mark: {path.summary('mm')}",
@@ -109,7 +109,7 @@ def _one_mark(name: str, poses: Poses, start_s: float | None, stop_s: float | No
 
 
 def _too_few(poses: Poses) -> str:
-    """How many frames have a pose, and the most common reason of the others."""
+    """Number of frames with a pose, and the most common reason for the others, in words."""
     there = poses.measured
     reasons, counts = np.unique(poses.status[~there], return_counts=True)
     common = f" ({reasons[counts.argmax()]})" if len(reasons) else ""
@@ -164,7 +164,7 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
 
 
 def _path_rate(fit: TurnFit, time: Array, stretched: Array) -> Rate:
-    """How fast the path parameter grows, mm/s: its uncertainty by noise, and how it follows the fitted motion."""
+    """Rate of the path parameter, mm/s, with its uncertainty by noise and its gradient by the fitted motion."""
     interval = float(np.median(np.diff(time)))
     ticks = (time[fit.used] - time[fit.used].mean()) / interval
     along = fit.ahead * fit.motion.along_mm[fit.used, None]

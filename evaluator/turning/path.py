@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 NAN = float("nan")
 JUMP_SIGMA = 6.0
 PIECES = 4
-LEAST_BACK = 0.02  # of the way: less is the play in wheels that stop
+LEAST_BACK = 0.02  # share of the path: a smaller return is the play of wheels that stop
 
 
 @dataclass(frozen=True)
@@ -118,19 +118,19 @@ def _noise(place: Array) -> float:
 
 
 def _returns(along: Array, sigma: float) -> bool:
-    """Whether what moves along a line turns back on it, by more than its noise: then one speed is not all it did."""
+    """Whether a point on a line moves back by more than its noise, so that a single speed does not describe it."""
     back = np.ptp(along) - abs(along[-1] - along[0])
     return bool(back > max(JUMP_SIGMA * sigma, LEAST_BACK * np.ptp(along)))
 
 
 def _longer_leg(along: Array) -> slice:
-    """Places before or after the farthest from the first, whichever are more."""
+    """Positions before or after the one farthest from the first, whichever are more."""
     farthest = int(np.argmax(np.abs(along - along[0])))
     return slice(0, farthest + 1) if 2 * farthest >= len(along) else slice(farthest, None)
 
 
 def _ahead(q: Array) -> Array:
-    """Direction in which places about their mean (n, 2) spread most."""
+    """Direction of largest spread of positions about their mean (n, 2)."""
     return np.asarray(np.linalg.svd(q, full_matrices=False)[2][0])
 
 
@@ -204,7 +204,7 @@ def _along(q: Array, parameters: Array) -> Array:
 
 
 def _spread(time: Array, place: Array) -> float:
-    """Relative standard deviation of the curvature between quarters of the path, what noise explains taken off."""
+    """Relative standard deviation of the curvature between quarters of the path, noise subtracted."""
     parts = np.array_split(np.arange(len(time)), PIECES)
     if len(parts[0]) < 2 * FEWEST_FRAMES:
         return 0.0

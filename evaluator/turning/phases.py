@@ -1,7 +1,7 @@
 """Phases of a run: rest, start, transient, steady turn, stop; found from the motion itself.
 
-A robot at rest scatters about one pose with the noise of the tracker; a moving one leaves it for good. Command times
-are used where they are given, to bound the search and to measure the delay of the start.
+The poses of a robot at rest scatter about one pose with the noise of the tracker; a moving robot leaves it permanently.
+Command times, if given, bound the search and determine the delay of the start.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def find_phases(
 
 
 def _reach(scaled: Array) -> float:
-    """Greatest distance between medians of tenths of the run: wild frames and noise hardly move it."""
+    """Largest distance between medians of tenths of the run, which is robust against outliers and noise."""
     blocks = np.array([np.median(part, axis=0) for part in np.array_split(scaled, min(10, len(scaled) // 2))])
     return float(np.linalg.norm(blocks[:, None] - blocks[None], axis=2).max())
 
@@ -139,7 +139,7 @@ def _local_interval(time_s: Array, half: int) -> Array:
 
 
 def _usual(speed: Array) -> float:
-    """Speed that a robot has while it moves, whatever share of the run it rests."""
+    """Typical speed while the robot moves, independent of the time that it rests."""
     return float(np.median(speed[speed >= np.percentile(speed, 95) / 2]))
 
 
@@ -154,7 +154,7 @@ def _longest(flags: Flags, bridge: int) -> tuple[int, int]:
 
 
 def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window: int) -> float:
-    """When the robot left the rest pose it had before frame `first`; NaN where it was not seen at rest.
+    """Time at which the robot left its rest pose before frame `first`; NaN if it was not seen at rest.
 
     window: frames by which `first` may be early or late.
     """
@@ -170,7 +170,7 @@ def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window
 
 
 def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
-    """Frames between which speed and yaw rate stay near their usual values; disturbances in between do not end it."""
+    """First and last frame with speed and yaw rate near their usual values; disturbances in between are allowed."""
     speed, yaw = np.linalg.norm(rates.value[:, :2], axis=1), rates.value[:, 2]
     middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)
     level = np.array([np.median(speed[middle]), np.median(yaw[middle])])
@@ -184,7 +184,7 @@ def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
 
 
 def _settled(near: Flags, first: int, last: int, hold: int) -> int:
-    """First frame from which the rates stay near for as long as their window; the middle at the latest."""
+    """First frame from which the rates stay near the usual ones for their window; at the latest the middle."""
     middle = (first + last) // 2
     for frame in range(first, middle):
         if near[frame : frame + hold + 1].all():

@@ -106,8 +106,8 @@ def body_quantities(
 def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array]:
     """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), and their standard uncertainties.
 
-    Noise along the path makes the rate uncertain and noise across it the direction, independently; the camera the
-    direction alone: what it does to speed is its error of scale, the same for every run.
+    Noise along the path affects the rate, and noise across it the direction, independently. Of the camera, only its
+    effect on the direction is included: its effect on speed is an error of scale, equal for all runs.
     """
     delta, here = 1e-6, fit.averaged.mean()
 
@@ -151,9 +151,10 @@ def path_quantities(
 ) -> dict[str, float]:
     """Path efficiency, speed ripple and smoothness of a run.
 
-    path_efficiency: length of the fitted path over that of the driven one, which also weaves; speed_ripple: relative
-    standard deviation of the speed in the steady turn; noise is taken off both. smoothness: spectral arc length of the
-    speed from start to stop, nearer zero is smoother (Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).
+    path_efficiency: length of the fitted path over that of the driven one, which includes lateral deviations;
+    speed_ripple: relative standard deviation of the speed in the steady turn; noise is subtracted from both.
+    smoothness: spectral arc length of the speed from start to stop, closer to zero is smoother (Balasubramanian et al.
+    2015, doi:10.1186/s12984-015-0090-9).
     """
     rates = local_rates(time_s, scaled, sigma_mm, moving)
     squared = (rates.value[:, :2] ** 2).sum(axis=1)

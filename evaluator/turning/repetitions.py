@@ -15,8 +15,8 @@ from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, difference, pooled
 
 ISO_4138_REPETITIONS = 3
-# Repetitions of a command scatter by some percent (friction, grain, dirt). Radii of which one is half as large again as
-# another are no repetitions, whatever was commanded: a run was disturbed, or its command is not what the file says.
+# Ratio of radii above which runs are not repetitions. Repetitions of a command scatter by some percent (friction,
+# grain, dirt); with a ratio of 1.5 a run was disturbed, or its command is not the stated one.
 DISAGREEMENT = 1.5
 COMMAND = ["group", "left_rpm", "right_rpm"]
 Key = tuple[str, float, float]
@@ -119,12 +119,12 @@ def _row(key: Key, rows: pd.DataFrame, side: str, note: str) -> dict[str, Any]:
 
 
 def _curvature_sigma(rows: pd.DataFrame) -> pd.Series[float]:
-    """Standard uncertainty that the 95 % bounds stand for, noise and camera together."""
+    """Standard uncertainty from the 95 % bounds, noise and camera combined."""
     return (rows["curvature_high_per_mm"] - rows["curvature_low_per_mm"]) / (2 * Z_975)
 
 
 def _pool(rows: pd.DataFrame, name: str, sigma: str = "") -> Pooled:
-    """Pool a column; one without an uncertainty of its own by its scatter alone."""
+    """Pool a column; without a column of uncertainties by its scatter alone."""
     if name not in rows:
         return Pooled()
     known = rows[sigma].to_numpy(float) if sigma and sigma in rows else np.zeros(len(rows))

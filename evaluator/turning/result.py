@@ -127,7 +127,7 @@ class Turning:
         return f"Turning({self.summary()})"
 
     def _repr_html_(self) -> str:
-        """What is asked first, as a table, for notebooks."""
+        """The main results as a table, for notebooks."""
         rows = {
             "radius": f"{self.radius_mm:.4f} mm",
             "95 %": f"{self.radius_low_mm:.4f} to {self.radius_high_mm:.4f} mm",

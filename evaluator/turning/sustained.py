@@ -52,9 +52,9 @@ class Sustained:
     """Quarter turns of a run.
 
     tightest: curvature of the tightest sustained stretch; mean: of all. varies: whether they differ beyond their
-    uncertainties; spread_per_mm: standard deviation of the curvature between them, noise taken off. p_value of one
-    radius. from_s, to_s: the tightest stretch. wander_mm: how far the centre of rotation strays between quarter turns,
-    noise taken off.
+    uncertainties; spread_per_mm: standard deviation of the curvature between them, noise subtracted. p_value: of equal
+    radii. from_s, to_s: the tightest stretch. wander_mm: RMS displacement of the centre of rotation between quarter
+    turns, noise subtracted.
     """
 
     tightest: Curvature
@@ -208,14 +208,14 @@ def _tightest(
 
 
 def _with_change(fit: TurnFit) -> Curvature:
-    """Mean curvature of a window, its bounds widened by what its change inside the window makes unsure."""
+    """Mean curvature of a window, with bounds widened by the uncertainty due to its change inside the window."""
     circle = fit.curvature()
     uneven = SECOND_ORDER * float(fit.change_rad @ fit.change_rad) / max(fit.motion.turn_rad, 1e-9) ** 2
     return circle.with_systematic(uneven * abs(circle.value) / Z_975)
 
 
 def _wander(fits: list[TurnFit]) -> float:
-    """RMS distance of the quarter turns' centres of rotation from their mean, what noise explains taken off."""
+    """RMS distance of the quarter turns' centres of rotation from their mean, noise subtracted."""
     centers, covariances = zip(*(fit.center_mm() for fit in fits), strict=True)
     places = np.array(centers)
     spread = float(((places - places.mean(axis=0)) ** 2).sum() / (len(places) - 1))
@@ -224,7 +224,7 @@ def _wander(fits: list[TurnFit]) -> float:
 
 
 def _known_to(one: Curvature) -> float:
-    """Standard uncertainty of a quarter turn: errors of the camera and the marks differ from one to the next too."""
+    """Standard uncertainty of a quarter turn, including errors of camera and marks, which vary between turns."""
     return float(np.linalg.norm([one.sigma, one.systematic, LEAST_SHARE * one.value]))
 
 
