@@ -1,8 +1,8 @@
 """Errors that a single frame cannot show: those of the video codec, from how smoothly marks move.
 
-A codec moves a mark as a whole by a fraction of its motion vector's step (a quarter of a pixel in H.264) and leaves no
-trace in the residuals of the fit. Between frames the error shows: marks move smoothly, so what a frame's centre
-differs from the course of its neighbours is error.
+A codec shifts a mark as a whole by a fraction of its motion vector's step (a quarter of a pixel in H.264), without a
+trace in the residuals of the fit. The error is visible between frames: marks move smoothly, so that the deviation of a
+centre from the course of its neighbours in time is an error.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from evaluator.tracking.uncertainty.shared_errors import of_distance, shared_var
 
 Array = NDArray[np.float64]
 
-ROUNDS = 3  # of weighing: sigmas are then those of any number of rounds to 3 %
-FEW = 8  # enough to tell that there is an error, where a recording moves no longer than that
-MOVING_PX = 0.1  # a step that codecs still take for rest, give or take their own error
+ROUNDS = 3  # of reweighting, after which sigmas have converged to 3 %
+FEW = 8  # moving frames that suffice to detect an error in a short motion
+MOVING_PX = 0.1  # step below which codecs treat a mark as resting
 # Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of frames
 # lie beyond 4 sigma on H.264, HEVC and VP9 alike.
 FREEDOM = 4.0
-TAIL = 3.0  # sigmas off the course from which a frame's own error counts as a large one: nearer ones tell nothing
+TAIL = 3.0  # sigmas of deviation above which the error of a frame is treated as one from the tail
 
 
 def hidden_variance(
     time_s: Array, centers_px: Array, variances: Array, kinds: NDArray[np.str_],
     abrupt: NDArray[np.bool_] | None = None, apart_px: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Variance per axis, px², to add to every frame's own, from all that the course of a mark tells; (n,).
+    """Variance per axis, px², to add to that of every frame, from the smoothness of the course of a mark; (n,).
 
-    A slow mark rests in the codec's memory for some frames, so that neighbours share their error: neighbours farther
-    away tell more. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`. abrupt: of
-    `changes_of_motion`, where other marks of the same body tell of them too. apart_px: distance from one of them (n,).
+    The codec may repeat the image of a slow mark for some frames, so that neighbours share their error; neighbours
+    farther away reveal it. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`. abrupt: of
+    `changes_of_motion`, if it is known from other marks of the body. apart_px: distance from one of these (n,).
     """
-    # Frames where something was in the way have an uncertainty of their own, and tell nothing of the codec.
+    # Frames with an occlusion have their own uncertainty, and do not show that of the codec.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
     moving, stated = _moving(centers_px), course.variance(quiet)
     telling = course.known & ~(changes_of_motion([course]) if abrupt is None else abrupt)
     extra = codec_variance(course, telling & moving, stated, kinds)
-    # At rest a codec keeps one error for long, which nothing shows: it is smaller than in motion, by a third at most.
+    # At rest a codec keeps one invisible error for long, smaller than in motion by at most a third.
     rest = codec_variance(course, telling & ~moving, stated, kinds)
     extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     known = float(extra.mean()) + (float(np.nanmean(quiet)) if np.isfinite(quiet).any() else 0.0)
@@ -56,9 +56,9 @@ def hidden_variance(
 
 
 def _tail(course: Course, variances: Array) -> Array:
-    """Variance to add where a frame lies so far off its course that its own error is a large one; (n,).
+    """Variance to add to frames that deviate from their course by more than TAIL sigmas; (n,).
 
-    The mean of the variance of an error that follows Student's t, once the error is seen.
+    The mean of the variance of an error with Student's t distribution, given the observed deviation.
     """
     square = (course.error**2).sum(axis=1) / course.variance(variances)
     factor = (FREEDOM + np.nan_to_num(square)) / (FREEDOM + course.error.shape[1])
@@ -66,7 +66,7 @@ def _tail(course: Course, variances: Array) -> Array:
 
 
 def _moving(centers_px: Array) -> NDArray[np.bool_]:
-    """Frames in which the mark moves by more than MOVING_PX a frame, over three frames to either side."""
+    """Frames in which the mark moves by more than MOVING_PX per frame, over three frames on either side."""
     if len(centers_px) < 7:
         return np.ones(len(centers_px), bool)
     step = np.hypot(*(centers_px[6:] - centers_px[:-6]).T) / 6
@@ -76,8 +76,8 @@ def _moving(centers_px: Array) -> NDArray[np.bool_]:
 def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kinds: NDArray[np.str_]) -> Array:
     """Variance to add to every frame, one value for each kind of frame (I, P, B); (n,).
 
-    chosen: frames to learn it from (n,). known: variance that the course's errors have already (n,), NaN where
-    absent. kinds: (n,).
+    chosen: frames used for the estimate (n,). known: known variance of the errors of the course (n,), NaN where absent.
+    kinds: (n,).
     """
     rows = np.flatnonzero(chosen)
     extra = np.zeros(len(kinds))
@@ -107,10 +107,10 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
 
 
 def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
-    """Variance of each of k kinds of frames from the squares of n errors beyond what is known; (k,).
+    """Variance of each of k kinds of frames from the squares of n errors beyond the known variance; (k,).
 
-    weights: of the errors in what their own kind is told by, 0 for those of others (k, n). shares: of the kinds'
-    variances in each error's (k, n). excess: px² (n,).
+    weights: (k, n), of the errors in the estimate of their kind, 0 for other kinds. shares: (k, n), of the kinds'
+    variances in that of each error. excess: px² (n,).
     """
     weights = weights / weights.sum(axis=1, keepdims=True)
     matrix, right = weights @ shares.T, weights @ excess
@@ -121,7 +121,7 @@ def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
 
 
 def _non_negative(matrix: Array, right: Array) -> Array:
-    """Least squares with all unknowns at or above zero: the best of all choices of which are zero (there are few)."""
+    """Non-negative least squares, by trying all subsets of unknowns that are zero (there are few)."""
     best, cost = np.zeros(len(right)), float(right @ right)
     for choice in product([False, True], repeat=len(right)):
         free = np.array(choice)

@@ -1,4 +1,4 @@
-"""Combination over the whole recording: correction for uneven light and exposure, complete uncertainties."""
+"""Steps over the whole recording: correction for uneven light and exposure, complete uncertainties."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 # A wire or a glare comes on within some frames: those beside a disturbed frame, as many as a slope is not looked
 # for in, may be wrong by half as much, before their own residuals show it.
 ONSET, BESIDE = 0.25, 3
-UNKNOWN_PX = 3.0  # radius of marks that are no coloured blobs
+UNKNOWN_PX = 3.0  # assumed radius of marks that are not coloured blobs
 
 
 def refine(
@@ -42,11 +42,11 @@ def refine(
     *,
     unlike: bool = False,
 ) -> None:
-    """Correct centres, complete variances and take out marks at a wrong distance, in place.
+    """Correct centres, complete variances and remove marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
-    status: per mark, of every frame. body: marks that sit on one; others may move apart. tags: the corners of each.
-    unlike: no two marks ever looked like those of a robot, so that only their motion can show that they are.
+    status: per mark, of every frame. body: marks on one rigid body. tags: the corners of each. unlike: whether no pair
+    ever looked like the marks of a robot, so that only motion can confirm them.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
@@ -88,7 +88,7 @@ def _add_hidden(
     time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_],
     abrupt: NDArray[np.bool_] | None, apart: Array | None,
 ) -> None:  # fmt: skip
-    """Widen by what the course shows, in place; new: frames (n,) that are no repetitions, which have no course."""
+    """Increase variances by the smoothness of the course, in place; new: frames (n,) that are not repetitions."""
     mean = values[new, 2:4].mean(axis=1)
     near = None if abrupt is None else abrupt[new]
     between = None if apart is None else apart[new]
@@ -96,7 +96,7 @@ def _add_hidden(
 
 
 def _apart(numbers: dict[str, Array], name: str, body: Sequence[str]) -> Array | None:
-    """Distance, px, of a mark of a body from the one of its others that is seen most, (n,); None of one mark."""
+    """Distance, px, of a mark from the most visible other mark of its body, (n,); None if there is no other."""
     others = [numbers[other] for other in body if other != name]
     if name not in body or not others:
         return None
@@ -105,7 +105,7 @@ def _apart(numbers: dict[str, Array], name: str, body: Sequence[str]) -> Array |
 
 
 def _abrupt(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Frames about which a body starts, stops or turns back, (n,); None of one mark. new: frames that repeat none."""
+    """Frames around starts, stops and reversals of a body, (n,); None for one mark. new: frames without repetitions."""
     if len(marks) < 2:
         return None
     found = np.zeros(len(time_s), bool)
@@ -114,7 +114,7 @@ def _abrupt(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> ND
 
 
 def _hold_together(time_s: Array, numbers: dict[str, Array], status: dict[str, list[str]], body: Sequence[str]) -> None:
-    """Widen what the distances of the marks of a body say is uncertain, and take out wrong ends, in place."""
+    """Increase variances by the scatter of the distances on a body, and remove wrong marks, in place."""
     for first, second in combinations(body, 2):
         one, other = numbers[first], numbers[second]
         distance = Distance(one[:, :2], other[:, :2])
@@ -133,7 +133,7 @@ def _take_out_impossible(
     followers: dict[str, Follower | BlobFollower],
     body: Sequence[str],
 ) -> None:
-    """Take out what no mark of the robot can be: things at rest while it moves, and jumps; in place."""
+    """Remove what cannot be a mark of the robot: objects at rest while it moves, and jumps; in place."""
     radii = {name: follower.radius_px for name, follower in followers.items()}
     usual = float(np.median(list(radii.values()))) if radii else UNKNOWN_PX
     if len(body) == len(numbers) == 2:
@@ -158,7 +158,7 @@ def take_out(values: Array, status: list[str], rows: NDArray[np.bool_], why: str
 
 
 def _allow_for_onsets(values: Array) -> None:
-    """Widen what stands beside a disturbed frame; values: (n, 5) as in `refine`, in place."""
+    """Increase the variances of frames beside a disturbed one; values: (n, 5) as in `refine`, in place."""
     around = np.pad(np.nan_to_num(values[:, 2:4]), ((BESIDE, BESIDE), (0, 0)))
     largest = np.max([around[k : k + len(values)] for k in range(2 * BESIDE + 1)], axis=0)
     values[:, 2:4] = np.maximum(values[:, 2:4], ONSET * largest)

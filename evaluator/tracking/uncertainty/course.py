@@ -12,17 +12,17 @@ REACH = 5
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
 # leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a frame's error.
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
-EVEN = 1e-3  # of the span: neighbours that are as evenly timed as this share one set of weights
-BEYOND = 4.0  # times the usual reach: a neighbour farther away, beyond a gap in time, tells nothing of the course
-LEAST = 24  # differences that a variance is estimated from: its own relative uncertainty is then below 0.3
-EXACT_PX2 = 1e-12  # variance below which all frames tell alike: drawn paths may be known exactly
-CLOCK = 0.06  # of an interval: what rounding to a clock of 1 ms moves frames by at up to 120 a second
+EVEN = 1e-3  # of the span: tolerance within which neighbours count as evenly timed and share one set of weights
+BEYOND = 4.0  # times the usual range: a neighbour farther away, beyond a gap in time, is not used
+LEAST = 24  # differences needed for a variance, whose relative uncertainty is then below 0.3
+EXACT_PX2 = 1e-12  # floor of variances in weights: synthetic paths may be exact
+CLOCK = 0.06  # of an interval: largest shift by rounding to a clock of 1 ms, at up to 120 frames a second
 
 
 def steady_times(time_s: Array) -> Array:
-    """Times of a recording of constant rate without the rounding of its container's clock; others as they are; (n,).
+    """Times of a recording of constant rate, corrected for rounding by its container; others unchanged; (n,).
 
-    A mark moves a tenth of a pixel in the half millisecond that some containers round by: more than its centre errs.
+    Some containers round by half a millisecond, in which a mark moves by 0.1 px: more than the error of its centre.
     """
     steps = np.diff(time_s)
     if len(steps) < LEAST:
@@ -35,10 +35,10 @@ def steady_times(time_s: Array) -> Array:
 
 
 class Course:
-    """What each centre differs from the course of its neighbours.
+    """Deviation of each centre from the course of its neighbours.
 
-    error: (n, 2), NaN where too few neighbours are seen. around: rows of the neighbours, weights: theirs, 0 where
-    absent, squares: of these; all (10, n).
+    error: (n, 2), NaN if too few neighbours are present. around: rows of the neighbours, weights: theirs, 0 where
+    absent, squares: of the weights; all (10, n).
     """
 
     def __init__(self, time_s: Array, centers_px: Array, stride: int = 1) -> None:
@@ -73,7 +73,7 @@ class Course:
 
 
 def to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
-    """Weights of neighbours that give the value of their polynomial at lapse 0; (m, 10) all."""
+    """Weights with which neighbours give the value of their polynomial at lapse 0; all (m, 10)."""
     farthest = np.where(usable, np.abs(lapse_s), 0.0).max(axis=-1, initial=1e-9, keepdims=True)
     powers = (np.where(usable, lapse_s, 0.0) / farthest)[..., None] ** np.arange(ORDER) * usable[..., None]
     # The value at lapse 0 is the first coefficient. Oddly timed neighbours may not tell all coefficients: the
@@ -82,11 +82,11 @@ def to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
 
 
 def robust_square(errors: Array) -> float:
-    """Mean square per axis, with what lies beyond 4 robust sigmas (starts, bumps) brought back to there."""
+    """Mean square per axis, with values beyond 4 robust sigmas (starts, bumps) clipped."""
     return float(np.mean(clipped_squares(errors)))
 
 
 def clipped_squares(errors: Array) -> Array:
-    """Mean square of the axes of each error, as `robust_square` takes it; (n,)."""
+    """Mean square of the axes of each error, clipped as in `robust_square`; (n,)."""
     sigma = 1.4826 * np.median(np.abs(errors)) + 1e-12
     return np.asarray(np.minimum(errors**2, (4 * sigma) ** 2).mean(axis=1))

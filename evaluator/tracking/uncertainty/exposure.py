@@ -19,9 +19,9 @@ CERTAIN, WEIGHTS = 3.0, 17.5
 def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[float, float]) -> tuple[Array, Array]:
     """Shift of the average off the middle of the exposure, px, and its variance per axis, px²; both (n, 2).
 
-    centers_px, variances: (n, 2), px and px², NaN where absent. shutter: share of the interval that it is open, and its
-    standard uncertainty. Beside an absent frame, and in the first and the last one, speed is taken to change as it
-    does in the frames next to them.
+    centers_px, variances: (n, 2), px and px², NaN where absent. shutter: exposure as a share of the interval, and its
+    standard uncertainty. Beside an absent frame, and in the first and the last one, the change of speed is that of
+    the adjacent frames.
     """
     n = len(time_s)
     if n < 3:

@@ -18,10 +18,10 @@ CHANGES, ABRUPT, SEEN = 3, 5.0, 2.0
 
 
 def changes_of_motion(courses: Sequence[Course]) -> NDArray[np.bool_]:
-    """Frames whose course runs across an abrupt change of speed, which is no error of a centre; (n,).
+    """Frames whose course includes an abrupt change of speed, which is not an error of a centre; (n,).
 
-    Such a change leaves its own pattern in the frames around; one frame's large error leaves another. courses: of marks
-    on one body, which all change together; what one of them shows alone is an error of its own.
+    Such a change leaves a characteristic pattern of deviations, different from that of a large error in one frame.
+    courses: of marks on one body, which all change together; a change of one of them alone is an error.
     """
     wrong = np.zeros(len(courses[0].known), bool)
     if min(course.known.sum() for course in courses) < LEAST:
@@ -47,14 +47,14 @@ def _most_around(values: Array) -> Array:
 
 
 def _likeness(error: Array, pattern: Array) -> Array:
-    """How much of the squares of errors (n, 2) a pattern around each frame explains, px²; (n,)."""
+    """Squares of errors (n, 2) explained by a pattern around each frame, px²; (n,)."""
     alike = [np.convolve(axis, pattern, "same") for axis in np.nan_to_num(error).T]
     return np.asarray(np.square(alike).sum(axis=0) / (pattern @ pattern))
 
 
 @cache
 def _patterns() -> tuple[Array, Array]:
-    """Errors of the courses of a path that bends at frame 0, and of one that is off in frame 0 alone; (11,) each."""
+    """Deviations for a path with a kink at frame 0, and for one with an error in frame 0 alone; (11,) each."""
     frames = np.arange(-REACH, REACH + 1.0)
     weights = to_the_middle(OFFSETS.astype(float), np.ones(len(OFFSETS), bool))
     bent = np.maximum(frames, 0.0) - np.maximum(frames[:, None] + OFFSETS, 0.0) @ weights

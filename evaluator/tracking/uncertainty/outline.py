@@ -1,10 +1,10 @@
 """Uncertainty of the centre of a mark of any shape from its outline.
 
-A codec that saves bits leaves an end of a sticker where it was, or smears it, for many frames: the course of the mark
-stays smooth, and nothing between frames shows the error. But its length changes, which a rigid mark's does not. Where
-both ends err by themselves, half the length scatters as much as the centre does along it; measured on drawn clips of
-H.264 and MPEG-4 of a few quantisers the ratio is 0.8 to 1.3 along the longer axis, 1.5 to 2.5 across. What hides an end
-in some frames (a wire, under which a recording begins) makes a length of its own in those.
+A codec that saves bits leaves one end of a sticker at its old position, or smears it, for many frames: the course of
+the mark remains smooth, and the error is not visible between frames. But the length changes, which is constant for a
+rigid mark. If the errors of both ends are independent, half the length scatters as much as the centre along it; in
+rendered clips with H.264 and MPEG-4 at a few quantisers the ratio is 0.8 to 1.3 along the longer axis, 1.5 to 2.5
+across. An occlusion of one end in some frames gives a different length in these.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST = 30  # frames that tell how a length scatters beside what slant and place do to it
-SECOND_ORDER = 60  # and that tell perspective beyond its first order, too
+FEWEST = 30  # frames needed to separate the scatter of a length from slant and position
+SECOND_ORDER = 60  # frames needed for perspective of second order
 ALONG, ACROSS = 0.5, 0.25  # error of the centre over that of the length, along the longer axis and across
-HIDDEN = 0.5  # error of the centre over what is hidden of a length, either way: one end is not where it was
-CLIPPED = 4.0  # robust sigmas beyond which a length (something touches the mark) tells nothing
+HIDDEN = 0.5  # error of the centre over the hidden part of a length, in either direction
+CLIPPED = 4.0  # robust sigmas above which a length is an outlier (something touches the mark)
 
 
 def widen_by_outline(times_s: Array, values: Array, outline: Sequence[tuple[float, float, float, float]]) -> None:
-    """Add to the variances of a mark what the scatter of its outline says they lack; in place.
+    """Increase the variances of a mark to those given by the scatter of its outline; in place.
 
     times_s: (n,). values: (n, 5) of x, y, their variances and covariance, px and px². outline: time, longer and shorter
     side (px), direction of the longer one (rad), of frames in which it was seen.
@@ -49,7 +49,7 @@ def widen_by_outline(times_s: Array, values: Array, outline: Sequence[tuple[floa
 
 
 def _smooth(places_px: Array, angle: Array) -> Array:
-    """What slant, perspective and lens may make of a length: terms of place and direction, (n, k)."""
+    """Regressors for a length by slant, perspective and lens: terms of position and direction, (n, k)."""
     x, y = ((places_px - places_px.mean(axis=0)) / (np.ptp(places_px) + 1e-9)).T
     terms = [np.ones_like(x), x, y, *(part(k * angle) for k in (2, 4) for part in (np.cos, np.sin))]
     if len(x) >= SECOND_ORDER:
@@ -58,7 +58,7 @@ def _smooth(places_px: Array, angle: Array) -> Array:
 
 
 def _scatter(length: Array, usual: Array) -> tuple[float, Array]:
-    """Standard deviation of a length about what is usual there, without outliers, and how far these are off, else 0."""
+    """Standard deviation of a length about its expectation, without outliers, and the deviation of these, else 0."""
     left = length - np.median(length)
     kept = np.abs(left) <= CLIPPED * 1.4826 * float(np.median(np.abs(left))) + 1e-9
     for _ in range(3):

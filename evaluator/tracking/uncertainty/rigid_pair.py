@@ -19,17 +19,17 @@ CLIPPED = 4.0  # robust sigmas beyond which a distance does not shape the surfac
 
 
 class Distance:
-    """How the distance of two marks differs from what it should be.
+    """Deviation of the distance of two marks from its expectation.
 
     error: px, (n,), NaN where a mark is absent or too few frames show both. along: unit vectors from the first to the
-    second mark (n, 2). freedom: share of the frames' freedom that the surface of expected distances leaves.
+    second mark (n, 2). freedom: share of the degrees of freedom that remains after the fit of the expected distance.
     """
 
     def __init__(self, first_px: Array, second_px: Array) -> None:
         """first_px, second_px: (n, 2), NaN where absent.
 
-        Perspective and lens change the distance smoothly with place and direction: a second-order surface in place,
-        with the first two harmonics of direction, fitted without outliers, is what it should be.
+        Perspective and lens change the distance smoothly with position and direction: the expectation is a second-order
+        surface in position, with the first two harmonics of direction, fitted without outliers.
         """
         apart = second_px - first_px
         distance = np.hypot(apart[:, 0], apart[:, 1])
@@ -51,13 +51,13 @@ class Distance:
         self.freedom = 1.0 - surface.shape[1] / len(left)
 
     def variance(self, first: Array, second: Array) -> Array:
-        """Variance that the marks' own give the distance; first, second: (n, 3) of var x, var y and covariance."""
+        """Variance of the distance from those of the marks; first, second: (n, 3) of var x, var y and covariance."""
         x, y = self.along.T
         total = first + second
         return np.asarray(x * x * total[:, 0] + y * y * total[:, 1] + 2 * x * y * total[:, 2])
 
     def ratio(self, variance: Array) -> float:
-        """Square of the scatter of the distance over what the variance says; NaN where too few are seen."""
+        """Squared scatter of the distance over the expected variance; NaN for too few frames."""
         normal = self.error / np.sqrt(variance)
         normal = normal[np.isfinite(normal)]
         # What lies far beyond the tails is a wrong end (`wrong_ends`), not the marks' usual error.
@@ -70,9 +70,8 @@ def wrong_ends(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Frames in which the first and in which the second mark is wrong, because their distance is.
 
-    numbers: of both marks (n, 5) x, y, their variances and covariance, px and px². distance: theirs, where it is known
-    already. Of the two the one that is clearly farther off its own course is wrong; both are where the courses do not
-    tell.
+    numbers: of both marks (n, 5) x, y, their variances and covariance, px and px². distance: theirs, if already known.
+    The mark that deviates clearly more from its course is wrong; both, if the courses do not decide.
     """
     one, other = numbers
     distance = distance or Distance(one[:, :2], other[:, :2])

@@ -1,10 +1,9 @@
 """Repeating errors of a mark, from deviations of its rim from the disc.
 
-Around a mark whose shape is known, the rim's distance from the disc's is a sum of harmonics of the direction. The first
-is the shift that is fitted; the higher ones are zero but for error. Whatever disturbs a part of the rim (a wire, a
-corner that was cut off while the shape was learnt, a codec's blocks) has a spectrum that is about flat, so that the
-higher harmonics show how large the error in the first is, even where each frame repeats it. Noise alone gives all of
-them the variance of the centre.
+For a mark of known shape, the deviation of the rim from the disc is a sum of harmonics of the direction. The first is
+the fitted shift; the higher ones are zero except for errors. A disturbance of a part of the rim (a wire, an error of
+the learnt shape, codec blocks) has an approximately flat spectrum, so that the higher harmonics show the size of the
+error in the first, even if it repeats in every frame. With noise alone, all have the variance of the centre.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: FURB136 - comparisons compile sooner than min and max
@@ -29,15 +28,15 @@ ODD = 2.8  # mean of the squares over what it usually is, from which a frame is 
 # All harmonics over the odd ones, from which it is the shape that is not round: a square or oblong mark has even ones
 # alone, which shift nothing. Of a disturbance, whose spectrum is flat, the ratio is that large in 3 of 100 (F(2, 4)).
 ANGULAR = 4.0
-LATELY = 20.0  # frames that what is usual is the mean of
-SURE = 3.0  # sigmas, of chance in its mean, from which noise alone does not explain what is usual
+LATELY = 20.0  # frames over which the usual values are averaged
+SURE = 3.0  # standard errors of this mean above which noise alone does not explain it
 # Mean of a variance that is known from n squares alone, n/(n - 2): where frames repeat each other, or one is
 # disturbed on its own, there are no more.
 FEW_SQUARES = SQUARES / (SQUARES - 2.0)
 
 
 class Rim:
-    """Variance of a centre, px², that the rim of a mark shows beyond what the noise of its pixels explains."""
+    """Variance of a centre, px², from the rim of a mark, beyond that of the noise of its pixels."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -45,7 +44,7 @@ class Rim:
         self._usual, self._count = (0.0, 0.0), 0.0  # of all harmonics, of the odd ones; frames
 
     def note(self, power_px2: tuple[float, float], own_px2: float) -> None:
-        """Take in a frame: `rim_power` and the variance that the fit states, per axis; NaN tells nothing."""
+        """Update with a frame: `rim_power`, and the variance of the fit per axis; NaN is ignored."""
         if not (math.isfinite(power_px2[0]) and math.isfinite(own_px2)):
             return
         before, self._count = self._usual, min(self._count + 1.0, LATELY)

@@ -16,9 +16,9 @@ LEAVES_PX, STRAIGHT_PX, DIRECTION = 0.01, 6.0, 5
 
 
 def shared_variance(time_s: Array, centers_px: Array, near: Course, telling: NDArray[np.bool_], known: float) -> float:
-    """Variance per axis, px², that the course of wide strides shows beyond what is known.
+    """Variance per axis, px², beyond the known one, from courses with wider strides.
 
-    near: the course of stride 1, whose frames `telling` (n,) run across no change of motion.
+    near: the course of stride 1; telling: (n,) frames without a change of motion.
     """
     straight, most = straight_frames(centers_px), known
     abrupt = np.append(near.known & ~telling, False)  # what lies beyond the ends is no change
@@ -35,10 +35,10 @@ def shared_variance(time_s: Array, centers_px: Array, near: Course, telling: NDA
 
 
 def of_distance(time_s: Array, distance_px: Array) -> float:
-    """Variance, px², that wide strides show of the distance of two marks beyond neighbouring frames; at least 0.
+    """Variance, px², of the distance of two marks with wide strides beyond that with stride 1; at least 0.
 
-    What a body does, it does to both its marks: however it starts, stops or bends its path, their distance stays. It
-    bounds what either mark's errors share. Infinite where too few frames tell. distance_px: (n,), NaN where absent.
+    Any motion of a body is common to its marks and leaves their distance unchanged, so that this bounds the errors that
+    frames of either mark share. Infinite for too few frames. distance_px: (n,), NaN where absent.
     """
     distance = np.stack([distance_px, distance_px], axis=1)
     near = Course(time_s, distance)
@@ -53,7 +53,7 @@ def of_distance(time_s: Array, distance_px: Array) -> float:
 
 
 def _square(course: Course, told: NDArray[np.bool_]) -> tuple[float, float]:
-    """Variance of one centre by the errors of frames (n,), and its relative standard error; 0 where too few tell."""
+    """Variance of one centre from the errors of frames (n,), and its relative standard error; 0 for too few frames."""
     count = int(told.sum())
     if count < LEAST:
         return 0.0, 1.0

@@ -1,8 +1,8 @@
 """Errors of the corners of a tag, from changes of its rigid shape between frames.
 
-A codec bends the borders of a tag for many frames alike: the course of the tag stays smooth, and points of one border
-err together, so that their scatter about a straight line shows too little. But the outline changes its shape, which
-slant and perspective allow only as smooth functions of place and heading.
+A codec distorts the borders of a tag equally for many frames: the course of the tag remains smooth, and points of one
+border share their error, so that their scatter about a straight line is too small. But the outline changes its shape,
+which slant and perspective change only as smooth functions of position and heading.
 
 Four corners, taken as complex numbers, are the sum of four modes: place, similarity (size and heading), affine shear,
 and trapezoid. The last two, in the frame of the tag, are its shape.
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST = 40  # frames that tell how a shape scatters beside the 11 terms of what slant and place do to it
-CLIPPED = 4.0  # robust sigmas beyond which a shape (a wire across a border) tells nothing
+FEWEST = 40  # frames needed to separate the scatter of a shape from the 11 terms of slant and position
+CLIPPED = 4.0  # robust sigmas above which a shape is an outlier (a wire across a border)
 # Of the squared errors of the corners, what changes the shape. Lines through the middle 70 % of the sides are off by
 # their slopes (6.1 parts of 7.1 at a corner), three of four combinations of which are shape, and by their offsets, of
 # which one combination of four is.
@@ -26,7 +26,7 @@ SHARE = (6.1 * 3 / 4 + 1 / 4) / 7.1
 
 
 def widen_by_shape(numbers: dict[str, Array], corners: Sequence[str], center: str) -> None:
-    """Enlarge the variances of a tag's corners and centre to what the scatter of its shape says; in place.
+    """Increase the variances of a tag's corners and centre to those given by the scatter of its shape; in place.
 
     numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     """
@@ -48,7 +48,7 @@ def widen_by_shape(numbers: dict[str, Array], corners: Sequence[str], center: st
 
 
 def _smooth(place: NDArray[np.complex128], heading: Array) -> Array:
-    """What slant, perspective and lens may make of a shape: terms of place and heading, (n, 11)."""
+    """Regressors for a shape by slant, perspective and lens: terms of position and heading, (n, 11)."""
     apart = place - place.mean()
     size = float(np.abs(apart).max()) + 1e-9
     harmonics = [part(k * heading) for k in (1, 2, 3, 4) for part in (np.cos, np.sin)]
@@ -56,7 +56,7 @@ def _smooth(place: NDArray[np.complex128], heading: Array) -> Array:
 
 
 def _mean_square(parts: Array, usual: Array) -> float:
-    """Mean square of the shapes (n, 4), all parts together, about what is usual there, without outliers."""
+    """Mean square of the shapes (n, 4), all parts together, about their expectation, without outliers."""
     kept = np.ones(len(parts), bool)
     left = parts
     for _ in range(3):
