@@ -11,21 +11,21 @@ from evaluator.diagnosis.likelihood.problem import Column
 
 Floats = NDArray[np.float64]
 
-# Of a nominal value: farther is not recalibration but another robot; and never to nothing. Of the start common to all
-# runs, known to a frame, 6 sigmas are 0.1 s: a larger error is a mistake of the experiment file.
+# Bounds in tolerances: a nominal value beyond them is not recalibration but another robot. For the start common to all
+# runs, known to a frame, 6 sigmas are 0.1 s: a larger error is a mistake in the experiment file.
 MOST_TOLERANCES = 6.0
 MOST_DEVIATION = 0.5
-AT_BOUND = 1e-3  # visible steps from a bound within which a fit has ended there
+AT_BOUND = 1e-3  # distance from a bound, in visible steps, within which a fit counts as being at the bound
 
 
 def bounds(columns: Sequence[Column], tolerance: Mapping[str, float]) -> tuple[Floats, Floats]:
-    """How far parameters (p,) may go from where they change nothing."""
+    """Lower and upper bounds of parameters (p,), measured from their absent values."""
     low, high = np.array([_bounds_of(column, tolerance) for column in columns]).reshape(-1, 2).T
     return low, high
 
 
 def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, float]:
-    """Bounds of one parameter: a nominal value may go by few tolerances, and never to nothing."""
+    """Bounds of one parameter; those of a nominal value are a few tolerances, and never include 0 of the value."""
     if column.term is None:
         most = min(MOST_TOLERANCES * tolerance[column.key], MOST_DEVIATION)
         return -most, most
@@ -34,7 +34,7 @@ def _bounds_of(column: Column, tolerance: Mapping[str, float]) -> tuple[float, f
 
 
 def is_at_bound(column: Column, value: float) -> bool:
-    """Whether an effect's coordinate, measured from where it is absent, is at a bound beyond which it might lie."""
+    """Whether an effect's coordinate, measured from its absent value, is at a bound that is not a physical limit."""
     if column.term is None or column.term.coordinates[column.coordinate].closed:
         return False
     low, high = _bounds_of(column, {})

@@ -1,7 +1,8 @@
 """Fit cache on disk, so that an interrupted diagnosis continues where it stopped.
 
-The search of a diagnosis is deterministic, so a second run asks for the same fits in the same order. Of a fit only its
-end point is stored, a line of JSON; its linearization is computed again, which costs one of the several steps of a fit.
+The search of a diagnosis is deterministic, so that a second run needs the same fits in the same order. Only the end
+point of a fit is stored, as a line of JSON; its linearization is computed again, which takes one of the several steps
+of a fit.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from numpy.typing import NDArray
 
 from evaluator.files import write_text
 
-DIGITS = 9  # of the numbers of a question: processes that compile the kernels at once may round the last bits apart
+DIGITS = 9  # of the numbers in a key: separately compiled kernels may differ in the last bits
 
 
 @dataclass(frozen=True)
 class End:
-    """Where a fit ended: per_run (n, 7), nominal, terms as in Point; after how many steps; the rest: see Fit."""
+    """End point of a fit: per_run (n, 7), nominal, terms as in Point; number of steps; other fields as in Fit."""
 
     per_run: NDArray[np.float64]
     nominal: Mapping[str, float]
@@ -34,10 +35,10 @@ class End:
 
 
 class FitCache:
-    """End points of all fits of one diagnosis, by the hash of their conditions; on disk where a path is given."""
+    """End points of all fits of one diagnosis, by the hash of their conditions; on disk if a path is given."""
 
     def __init__(self, path: Path | None = None, key: str = "") -> None:
-        """key: of the inputs and the code of the diagnosis; a file with another one is begun anew."""
+        """key: of the inputs and the code of the diagnosis; a file with another key is replaced."""
         self._path = path
         self._known: dict[str, End | None] = {}
         if path is None:
@@ -58,11 +59,11 @@ class FitCache:
         return question in self._known
 
     def __getitem__(self, question: str) -> End | None:
-        """The end of a fit that was made before; None where it met runs that cannot be simulated."""
+        """The end point of an earlier fit; None if it met runs that cannot be simulated."""
         return self._known[question]
 
     def __setitem__(self, question: str, end: End | None) -> None:
-        """Remember the end of a fit."""
+        """Store the end point of a fit."""
         self._known[question] = end
         if self._path is not None:
             with self._path.open("a", encoding="utf-8") as file:
@@ -70,7 +71,7 @@ class FitCache:
 
 
 def question_of(*conditions: object) -> str:
-    """One hash of where a fit starts and of everything else that its end depends on."""
+    """Hash of the start of a fit and of everything else on which its result depends."""
     return hashlib.sha256(json.dumps(_rounded(conditions), sort_keys=True).encode()).hexdigest()
 
 

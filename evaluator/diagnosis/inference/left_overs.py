@@ -14,10 +14,10 @@ Floats = NDArray[np.float64]
 
 
 def left_overs(views: Sequence[Linearized], columns: Sequence[Column], theta: Floats) -> tuple[Floats, Floats]:
-    """Sums of squares that runs leave over and their degrees of freedom, (n,), (n,), at common parameters theta (p,).
+    """Residual sums of squares of runs and their degrees of freedom, (n,), (n,), at common parameters theta (p,).
 
-    Start pose, random effects and effects are free in every run: what they could take up is not counted. Values
-    known to a tolerance belong to the session: they stand where they were fitted.
+    Start pose, random effects and effects are free in every run, so that residuals they could explain do not count.
+    Quantities known to a tolerance are common to the session and keep their fitted values.
     """
     effects = np.array([column.term is not None for column in columns], dtype=np.bool_)
     squares, freedom = np.zeros(len(views)), np.zeros(len(views))

@@ -1,9 +1,9 @@
 """Profile likelihood of a coordinate whose posterior is not normal: the best density at each of its values.
 
-The interval of a parameter comes from the linear view at the best point. Where a size shows only in small differences
-(how strong all magnets are, how far away a spring is anchored) the density falls off slower or faster than that view
-says, and the other parameters do not follow along a line. So each end of an interval is visited: the coordinate is held
-there and all else is fitted.
+The interval of a parameter is normally computed by linearization at the best point. If the data depend only weakly on a
+size (the strength of all magnets, the distance of a spring's anchor), the density decreases more slowly or faster than
+the linearization predicts, and the other parameters do not change along a line. In this case each end of the interval
+is determined by fits of all other parameters with the coordinate fixed.
 Source: Venzon & Moolgavkar (1988), Applied Statistics 37, 87.
 """
 
@@ -23,10 +23,10 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-# Ends that are this share farther or nearer than the linear view says are walked to: short of that an interval that is
-# meant to hold in 95 % holds in 86 to 98.6 %. The density is rough by 0.8 of the 3.8 looked for: 0.1 of an end.
+# Relative deviation of an end from the linearization above which it is computed by fits: up to it, a nominal 95 %
+# interval covers 86 to 98.6 %. The density is rough by 0.8 of the required change of 3.8, which is 0.1 of an end.
 NONLINEAR = 0.25
-PASSES, ARRIVED, FARTHEST = 4, 0.1, 3.0  # visits of an end; share of the way that is near enough; most at once
+PASSES, ARRIVED, FARTHEST = 4, 0.1, 3.0  # fits per end; relative tolerance of an end; largest factor of one step
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,7 @@ class Profile:
     """The best point at each value of one coordinate of a term.
 
     column: of the coordinate in the fit. low, high: ends of its 95 % interval. at: values (m,) of the coordinate,
-    ascending, the best one among them; best: all columns (m, p) fitted there. Values as in the fit, zero where
-    nothing is changed.
+    ascending, including the best one; best: all columns (m, p) fitted there. Values are measured from the absent ones.
     """
 
     column: int
@@ -45,13 +44,13 @@ class Profile:
     best: Floats
 
     def follow(self, values: Floats) -> Floats:
-        """All columns (n, p) that are best at values (n,) of the coordinate; extrapolated beyond its ends."""
+        """The best columns (n, p) at values (n,) of the coordinate; extrapolated beyond its ends."""
         k = np.clip(np.searchsorted(self.at, values) - 1, 0, len(self.at) - 2)
         share = (values - self.at[k]) / (self.at[k + 1] - self.at[k])
         return np.asarray(self.best[k] + share[:, None] * (self.best[k + 1] - self.best[k]))
 
     def transform(self, draws: Floats, mean: Floats, covariance: Floats) -> Floats:
-        """Draws (n, p) of the linear view, moved so that the coordinate has its interval and the others follow."""
+        """Draws (n, p) of the linearization, changed so that the coordinate has its interval and the others follow."""
         i = self.column
         sigma = np.sqrt(covariance[i, i])
         z = (draws[:, i] - mean[i]) / sigma
@@ -63,7 +62,7 @@ class Profile:
 def profiles_of(search: Search, ids: frozenset[str]) -> dict[str, Profile]:
     """Profiles of the effects of a fitted set whose posterior is not normal.
 
-    None on open ground, where the density is rough by tens: intervals there are those over commands (output/).
+    None on open ground, where the density is rough by tens; intervals are computed over commands there (output/).
     """
     if search.problem.open_ground:
         return {}
@@ -73,7 +72,7 @@ def profiles_of(search: Search, ids: frozenset[str]) -> dict[str, Profile]:
 
 
 def profile_of(search: Search, fit: Fit, term: Candidate) -> Profile | None:
-    """The profile of that coordinate of a term that the linear view describes worst; None where it describes all."""
+    """The profile of the coordinate of a term with the worst linearization; None if it is adequate for all."""
     worst, found = np.log1p(NONLINEAR), None
     # The scatter of the runs is uncertain, which widens the interval beyond that at the best scatter.
     model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
@@ -96,10 +95,10 @@ def profile_of(search: Search, fit: Fit, term: Candidate) -> Profile | None:
 
 
 class _Walk:
-    """Visits of one end of the interval of a column; factor: how much farther it is than the linear view says."""
+    """Iteration for one end of the interval of a column; factor: its distance over that of the linearization."""
 
     def __init__(self, search: Search, fit: Fit, column: int, side: float, at_best: float) -> None:
-        """at_best: variance of the coordinate at the best scatter, from which the drop to look for follows."""
+        """at_best: variance of the coordinate at the best scatter, which gives the required drop of the density."""
         self._search, self._fit, self.column = search, fit, column
         self.mean = np.array([fit.point.value(item) for item in fit.columns])
         covariance = fit.posterior.covariance
@@ -112,7 +111,7 @@ class _Walk:
 
     @property
     def end(self) -> float:
-        """Where the interval ends, as far as it is known."""
+        """Present estimate of the end of the interval."""
         return self.start + self.factor * self._way
 
     @property
@@ -120,14 +119,14 @@ class _Walk:
         return [value for value, _ in self.visited]
 
     def go(self) -> None:
-        """Visit the end where it is now thought to be, until it stays."""
+        """Iterate the estimate of the end until it converges."""
         for _ in range(PASSES - 1):
             before = self.factor
             if not self._visit() or abs(self.factor - before) < ARRIVED * before:
                 break
 
     def _visit(self) -> bool:
-        """Fit all else at the end, and see how far the density has dropped there; False where nothing is learnt."""
+        """Fit all other parameters at the end and update it by the drop of the density; False if that fails."""
         item = self._fit.columns[self.column]
         assert item.term is not None
         bounds = item.term.coordinates[item.coordinate]
@@ -145,7 +144,7 @@ class _Walk:
         return True
 
     def _held(self, item: Column, value: float) -> Fit | None:
-        """The fit with the column held at a value, from where the linear view has the others; None where it fails."""
+        """The fit with the column fixed at a value, started from the linearization; None if it fails."""
         point = self._fit.point
         for column, slope in zip(self._fit.columns, self._along, strict=True):
             point = point.moved(column, float(slope) * (value - self.start))

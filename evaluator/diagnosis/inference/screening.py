@@ -1,8 +1,8 @@
 """Linear screening: expected gain of every candidate, alone and together, from one linearization of all runs.
 
-A candidate that begins at a place where it acts (motors that are late already, a limit that holds some wheels back) is
-seen from there: what the whole change to that place does, and the slopes there. Slopes alone, laid on the motion
-without it, said nothing of what is gained by being there.
+A candidate with initial values at which it acts (a delay of the motors, a limit below some commands) is linearized
+there: the model includes the whole change to these values, and the derivatives there. Derivatives alone, applied to the
+motion without the effect, would not show the gain.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from simulator.effects.coordinates import Candidate
 
 @dataclass(frozen=True)
 class Screen:
-    """Linear view from a point: a mixed model over all columns, and which columns belong to which candidate."""
+    """Linearization at a point: a mixed model over all columns, and the columns of each candidate."""
 
     columns: tuple[Column, ...]
     model: MixedModel
@@ -30,7 +30,7 @@ class Screen:
     whole: Mapping[int, int]  # first column of an offer from a place where it acts: column of the whole change to there
 
     def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
-        """Log evidence with some offers taken; all parameters of a candidate count, also those not yet varied."""
+        """Log evidence with some offers included; all parameters of a candidate count, also those not yet varied."""
         columns: list[int] = []
         hidden = 0
         model = self._begun(*offers)
@@ -57,7 +57,7 @@ class Screen:
         return term.clipped(tuple(values))
 
     def _begun(self, *offers: tuple[str, tuple[int, ...]]) -> MixedModel:
-        """The model given base, with the whole changes made to the places where some offers begin."""
+        """The model given base, with the whole changes to the initial values of some offers."""
         return self.beyond.taken([self.whole[extra[0]] for _, extra in offers if extra[0] in self.whole])
 
 
@@ -99,5 +99,5 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
 
 
 def _wants_whole_change(beyond: MixedModel, extra: tuple[int, ...]) -> bool:
-    """Whether the data want about the whole of the change: half of a stopped motor does not exist."""
+    """Whether the data support about the whole change; half of a stopped motor is impossible."""
     return bool(0.5 < beyond.posterior(extra).mean[-1] < 1.5)

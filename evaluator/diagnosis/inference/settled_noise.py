@@ -18,9 +18,10 @@ SETTLED_NOISE = 0.9
 
 
 def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
-    """The problem with the noise that a fitted set leaves; None where that is as it was, or no quieter.
+    """The problem with noise estimated from the residuals of a fitted set; None if it is unchanged or larger.
 
-    On open ground louder noise counts as well: that of a set that no longer leads is no noise of the one that does.
+    On open ground larger noise counts as well, because the previous estimate belongs to a set that is no longer the
+    best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
     # Without effects the drift was asked for at the beginning, or the misfit is so large that none is owed to a camera.
@@ -35,12 +36,10 @@ def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
 
 
 def with_common_drift(search: Search, fit: Fit) -> Problem:
-    """The problem with the common drift and the wander of friction that a fit leaves, to be compressed anew.
+    """The problem with common drift and varying friction estimated from the residuals of a fit, compressed again.
 
-    Itself where these are known.
-
-    A model that misses an effect takes it for drift, as far as drift can be: then the effect must bring more than the
-    drift explained, and once it is in the model the drift is asked for again.
+    The same problem, if these are unchanged. A missing effect is partly attributed to drift; the effect must then
+    explain more than the drift, and after it is included the drift is estimated again.
     """
     problem = search.problem
     compressions = [problem.compressions[run] for run in fit.runs]

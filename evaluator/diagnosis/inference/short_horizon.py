@@ -1,8 +1,8 @@
 """Large misfits: the first seconds of every run are fitted before the whole of it.
 
-A heading that errs by θ turns every later step, so over a whole run a large effect is far from linear and a fit from
-the nominal model fails or ends in a false minimum. Over a short horizon the same effect is nearly linear. What fits
-there is a start for a longer horizon, up to the whole run.
+An error θ of the heading rotates every later step, so that over a whole run the response to a large effect is
+nonlinear, and a fit from the nominal model fails or ends in a wrong minimum. Over a short horizon the response is
+nearly linear. Its fit is the initial value for a longer horizon, up to the whole run.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ MOST_STEPS = 70  # of the fits of one horizon, as in a search: every single effe
 # Friction or gains of one run, in the usual scatter: friction 30 %, a wheel 6 %, a start by ten half frames. Runs that
 # scatter three times as much as usual have such a one in a thousand; a model that is wrong has them in most.
 BEYOND_CHANCE = 10.0
-CARRIED_ON = 4  # sets that go on to the next horizon
+CARRIED_ON = 4  # sets that are continued to the next horizon
 
 
 def is_large(problem: Problem, point: Point) -> bool:
-    """Whether a point misses some run by so much that a search should begin with short horizons."""
+    """Whether the misfit of some run is so large that a search should begin with short horizons."""
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
     misfit = np.array([np.sqrt(np.nanmean(item**2, axis=0)) for item in residuals])
     turn, shift = misfit[:, 2] / problem.half_distance_mm, np.hypot(misfit[:, 0], misfit[:, 1])
@@ -42,20 +42,20 @@ def is_large(problem: Problem, point: Point) -> bool:
 
 
 def helps_itself(point: Point) -> bool:
-    """Whether some run has friction or gains far beyond chance: they hide how large the misfit of the model is."""
+    """Whether some run has implausible friction or gains, which conceal the misfit of the model."""
     return bool(np.any(np.abs(point.per_run[:, START_POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
 
 
 def within(problem: Problem, horizons_s: Sequence[float]) -> list[float]:
-    """The horizons that leave something of the longest run out: beyond, they are the whole."""
+    """The horizons shorter than the longest run."""
     longest_s = max(run.time_s[-1] - max(run.start_s, run.time_s[0]) for run in problem.data)
     return [horizon_s for horizon_s in horizons_s if horizon_s < longest_s]
 
 
 def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float]) -> Point:
-    """The model without effects fitted to ever more of the runs, from a start from which the whole is out of reach.
+    """Fit the model without effects to increasing horizons, from a start too far for a fit to whole runs.
 
-    Where no fit of a horizon converges, what it came to is still nearer than the start.
+    If the fit of a horizon does not converge, its last point is still better than the start.
     """
     point = start
     for horizon_s in within(problem, RECALIBRATION_S):
@@ -68,7 +68,7 @@ def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float])
 
 
 def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:
-    """Fits of the sets that explain the first seconds of the runs best, the best first; start: nominal point."""
+    """Fits of the sets that explain the first seconds of the runs best, best first; start: nominal point."""
     best: list[Fit] = []
     point = start
     for horizon_s in within(whole.problem, HORIZONS_S):

@@ -1,7 +1,7 @@
 """Coordinates that no run informs at the fitted values, such as a speed limit that no command exceeds.
 
-Their slopes are nought there, so that a linear view gives them any value. What the runs do say is how far such a
-coordinate may go before they are worse followed than chance allows, all else as it is.
+Their derivatives are 0, so that linearization leaves them undetermined. But the runs limit such a coordinate: at some
+value, with all else unchanged, the misfit becomes significantly larger.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
 from evaluator.turning.motion.curvature import Z_975
 
-HALVINGS = 6  # of the last doubled step: a reach is good to about a hundredth
-WORSE = Z_975**2  # of -2 log density, at the end of a 95 % interval
-MOST_DOUBLINGS = 40  # from a fifth of a visible step: beyond, no robot has such a value
+HALVINGS = 6  # bisections of the last doubled step, which determine a limit to about 1 %
+WORSE = Z_975**2  # increase of -2 log density at the end of a 95 % interval
+MOST_DOUBLINGS = 40  # from a fifth of a visible step, up to impossible values
 
 
 def silent_reaches(problem: Problem, fit: Fit) -> dict[int, float]:
-    """How far above its value each silent coordinate of a fit may go within 95 %, by number of column.
+    """Distance from its value to its upper 95 % limit for each undetermined coordinate of a fit, by column.
 
-    Infinity where no run ever shows it.
+    Infinite if no run limits it.
     """
     silent = [i for i in range(len(fit.columns)) if not any(view.common[:, i].any() for view in fit.linearized)]
     return {i: _reach(problem, fit, fit.columns[i]) for i in silent if fit.columns[i].term is not None}

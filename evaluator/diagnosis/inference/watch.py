@@ -19,7 +19,7 @@ USUAL_SECONDS = 180.0
 
 
 class Each(Protocol):
-    """Does a work for each of some items: map, or that of a pool of threads."""
+    """A map function: the built-in one, or that of a pool of threads."""
 
     def __call__(self, work: Any, items: Iterable[Any], /) -> Iterable[Any]:
         """Results in the order of the items."""
@@ -27,13 +27,13 @@ class Each(Protocol):
 
 
 class Cores:
-    """Does independent pieces of work on so many cores; one after the other outside its block, and with one core.
+    """Maps independent pieces of work to a number of cores; sequentially outside its context, or with one core.
 
-    Results do not depend on how many there are.
+    Results do not depend on the number of cores.
     """
 
     def __init__(self, count: int) -> None:
-        """count: how many."""
+        """count: number of cores."""
         self._count, self._pool = count, ExitStack()
         self._map: Each = map
 
@@ -55,10 +55,10 @@ class Cores:
 
 
 class SearchStoppedError(Exception):
-    """A search has used up its time; the fits made so far are kept."""
+    """A search has reached its time limit; the fits made so far are stored."""
 
     def __init__(self, seconds: float, so_far: str = "") -> None:
-        """seconds: what it was given. so_far: what it had found."""
+        """seconds: the limit. so_far: the result until then, in words."""
         self.so_far = so_far
         tail = f"; so far, {so_far}" if so_far else ""
         super().__init__(
@@ -68,25 +68,25 @@ class SearchStoppedError(Exception):
 
 
 class Watch:
-    """A Progress that passes on what it is told, and says it again, or raises SearchStoppedError, at every look.
+    """A Progress that forwards its calls, and at every look repeats the last one or raises SearchStoppedError.
 
-    Time is that of the processor, of all threads: a busy machine does not make a search end earlier.
+    The limit is in processor time of all threads, so that a busy machine does not end a search earlier.
     """
 
     def __init__(self, progress: Progress = no_progress, seconds: float = math.inf, each: Each = map) -> None:
-        """seconds: that the search may take from now on. each: how independent pieces of work are done."""
+        """seconds: limit for the search from now on. each: map function for independent pieces of work."""
         self._progress, self._seconds, self._began = progress, seconds, process_time()
         self._last: tuple[str, float] | None = None
         self.each = each
         self.so_far = ""  # what a search has found, should it be stopped
 
     def __call__(self, stage: str, done: float, total: float = 1.0, /) -> None:
-        """Take note of how far the work is."""
+        """Record the progress of the work."""
         self._last = (stage, done / total)
         self._progress(*self._last)
 
     def look(self) -> None:
-        """Whether to go on: raises SearchStoppedError where the time is over, and what the progress raises."""
+        """Raise SearchStoppedError if the time limit is reached, or what the progress raises."""
         if process_time() - self._began > self._seconds:
             raise SearchStoppedError(self._seconds, self.so_far)
         if self._last is not None:
