@@ -1,9 +1,9 @@
 """Derivatives of runs near a discontinuity of the model, where a tiny change of a parameter gives another motion.
 
-A robot that turns about on the spot goes on along one of two ways. Next to the point where they part, a difference over
-the step of a derivative holds the jump from one way to the other: divided by so short a step it outweighs all that the
-runs say of the parameter. Such a difference is replaced by that to the other side, where the motion is the same; where
-both sides jump, the run says nothing of the parameter.
+A robot that turns on the spot continues along one of two branches. Close to the bifurcation, the finite difference for
+a derivative contains the jump between both branches; divided by a small step, it dominates all information of the runs
+about the parameter. Such a difference is replaced by that to the other side, where the motion is on the same branch; if
+both sides jump, the derivative of the run is set to 0.
 Source: one-sided differences at shocks, van Leer (1979), J. Comput. Phys. 32, 101.
 """
 
@@ -25,12 +25,12 @@ JUMP = 1.0
 
 
 def jumps(slopes: Floats, steps: Floats) -> list[int]:
-    """Which slopes (k, p) of the features of a run hold a jump over their steps (p,)."""
+    """Columns of the derivatives (k, p) of a run's features that contain a jump over their steps (p,)."""
     return [int(i) for i in np.flatnonzero(np.linalg.norm(slopes * steps, axis=0) > JUMP)]
 
 
 def smooth_slope(here: Floats, behind: Floats, step: float) -> Floats:
-    """Slope (k,) of features from those a step behind, (k,); nought where they jump there too, or are not known."""
+    """Backward difference (k,) of features; 0 if they jump there too, or are not known."""
     slope = (behind - here) / step
     if not np.isfinite(slope).all() or jumps(slope[:, None], np.array([step])):
         return np.zeros_like(here)
@@ -40,7 +40,7 @@ def smooth_slope(here: Floats, behind: Floats, step: float) -> Floats:
 def with_slopes(
     views: Sequence[Linearized | None], slopes: Mapping[tuple[int, int], Floats], theta: Floats
 ) -> list[Linearized | None]:
-    """The views of runs with other slopes (k,), by number of run and of common parameter, seen from theta (p,)."""
+    """Linearizations of runs with some derivatives (k,) replaced, by run and common parameter, at theta (p,)."""
     found = list(views)
     for (number, i), slope in slopes.items():
         view = found[number]

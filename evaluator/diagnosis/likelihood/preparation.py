@@ -32,15 +32,15 @@ from evaluator.robot_geometry import wheel_sides
 Floats = NDArray[np.float64]
 
 NO_DISTANCE_MM = 1e9  # noise of a distance that was not measured
-SETTLING_S = 0.4  # motors that lag by more would be seen as an effect first
+SETTLING_S = 0.4  # a larger lag of the motors would be found as an effect first
 
 
 def build_problem(
     data: Sequence[RunData], forward: Forward, fits: FitCache | None = None, watch: Watch | None = None
 ) -> tuple[Problem, Point]:
-    """Estimate the tracking noise and compress every run; also gives the nominal point with aligned starts.
+    """Estimate the tracking noise and compress every run; also returns the nominal point with aligned starts.
 
-    fits: the fits that an interrupted diagnosis of the same data made. watch: when to end.
+    fits: cache of an interrupted diagnosis of the same data. watch: cancellation and time limit.
     """
     channels = tuple(channels_of(run.marks_mm) for run in data)
     half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
@@ -53,9 +53,9 @@ def build_problem(
 
 
 def with_noise_of(problem: Problem, point: Point) -> Problem:
-    """The problem with its noise estimated from what a point leaves over, and every run compressed accordingly.
+    """The problem with noise estimated from the residuals at a point, and every run compressed accordingly.
 
-    Frames in which what is left over jumps and returns no longer count: a tracker was mistaken.
+    Frames in which the residual jumps and returns are ignored from then on, as tracking errors.
     """
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
     cleaned = [without_outliers(item, CHANNELS) for item in residuals]
@@ -94,7 +94,7 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
 
 
 def _with_wander(problem: Problem, point: Point) -> Problem:
-    """The problem whose features are white under a friction that wanders, as it acts at a point."""
+    """The problem with features whitened for varying friction, linearized at a point."""
     found: list[Compression] = []
     for known, wander in friction_shifts(problem, point, range(len(problem.data))):
         part, shifts = problem.compressions[len(found)], problem.friction_wander * wander
@@ -105,9 +105,9 @@ def _with_wander(problem: Problem, point: Point) -> Problem:
 
 
 def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[tuple[Floats, Floats]]:
-    """Of each run at the frames used, in its channels, mm: what is fitted to it, and what friction that wanders does.
+    """Shifts of the channels of each run at the used frames, mm: by fitted quantities, and by varying friction.
 
-    The first (4, n, 4): start x, y, heading and friction throughout, each changed by one unit. The second: see
+    The first, (4, n, 4): start x, y, heading and constant friction, each changed by one unit. The second: see
     wander_shifts and uneven_shifts. Zeros for a run that cannot be simulated at the point.
     """
     step, half = float(problem.per_run_steps[FRICTION]), problem.half_distance_mm
@@ -138,16 +138,16 @@ def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list
 
 
 def _midpoint_about(shifts: Floats, known: Floats) -> float:
-    """RMS of random shifts (k, n, 4) of the midpoint, mm, once shifts (m, n, 4) of known form are fitted to them."""
+    """RMS of random shifts (k, n, 4) of the midpoint, mm, after a fit of shifts (m, n, 4) of known form."""
     random, fitted = (part[:, :, :2].reshape(len(part), -1).T for part in (shifts, known))
     left = random - fitted @ np.linalg.lstsq(fitted, random, rcond=None)[0]
     return float(np.sqrt(np.sum(left**2) / shifts.shape[1]))
 
 
 def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
-    """The problem of the first seconds of every run, with the noise that a point leaves there.
+    """The problem of the first seconds of every run, with noise estimated from the residuals at a point.
 
-    Later frames are not simulated: over a short horizon that was nearly all of the work.
+    Later frames are not simulated, which saves most of the time.
     """
     short = replace(problem, horizon_s=horizon_s)
     frames = [int(np.flatnonzero(short.counting_frames(run))[-1]) + 1 for run in range(len(problem.data))]
@@ -157,7 +157,7 @@ def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:
 
 
 def _left_over(problem: Problem, point: Point) -> Floats:
-    """What the common parameters of a point leave over in every run, (runs, 2) mm: see discrepancy.left_over."""
+    """Residuals of every run with the common parameters of a point, (runs, 2) mm: see discrepancy.left_over."""
     same = replace(point, per_run=point.per_run * (np.arange(PER_RUN) < START_POSE))
     marks = problem.forward.marks([same.task(run) for run in range(len(problem.data))])
     pairs = zip(problem.channels, marks, strict=True)

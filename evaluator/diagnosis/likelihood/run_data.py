@@ -22,7 +22,7 @@ PER_RUN = 7  # of a run: start x, y, heading; friction, left gain, right gain; s
 
 
 def is_shared(key: str) -> bool:
-    """Whether a deviation is counted in SHARED_UNIT to the standard deviation, not relative as values of robot.toml."""
+    """Whether a deviation is in units of its standard deviation over SHARED_UNIT, not relative as in robot.toml."""
     return "." not in key
 
 
@@ -30,14 +30,14 @@ def is_shared(key: str) -> bool:
 class RunData:
     """One recorded run, whatever its source.
 
-    time_s: (n,) presentation times. marks_mm: (n, 4) x, y of the first and of the second mark in the plate frame,
-    NaN where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
-    direction from the second to the first in the body frame. order: its place in the session, from 0. systematic:
-    (n, 4) by key, what one standard deviation of an error that runs share (of their camera, of how a mark looks) does
-    to the marks, mm. log: what the motors were told, where it is more than one command from rest; left_rpm and
-    right_rpm are then what was held longest, start_s and stop_s the first and the last moment with a motor on.
-    from_poses: marks stand for poses: their distance says nothing. start_is_stated: whether the file gives start_s,
-    which is 0 where it does not.
+    time_s: (n,) presentation times. marks_mm: (n, 4) x, y of the first and of the second mark in the plate frame, NaN
+    where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
+    direction from the second to the first in the body frame. order: its place in the session, from 0. systematic: (n,
+    4) by key, shift of the marks, mm, by one standard deviation of an error that runs share (of their camera, or of the
+    appearance of a mark). log: the commands, if there is more than one or the run does not start at rest; left_rpm and
+    right_rpm are then the command held longest, start_s and stop_s the first and the last time with a motor on.
+    from_poses: the marks were computed from poses, so that their distance has no information. start_is_stated: whether
+    the file gives start_s, which is 0 where it does not.
     """
 
     id: str
@@ -56,11 +56,11 @@ class RunData:
 
     @property
     def run_command(self) -> RunCommand:
-        """What the motors were told."""
+        """The commands of the run."""
         return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)
 
     def first(self, frames: int) -> RunData:
-        """The run up to so many frames."""
+        """The first frames of the run."""
         systematic = {key: shift[:frames] for key, shift in self.systematic.items()}
         return replace(self, time_s=self.time_s[:frames], marks_mm=self.marks_mm[:frames], systematic=systematic)
 
@@ -72,7 +72,7 @@ class RunData:
 
 @dataclass(frozen=True)
 class Task:
-    """One run to predict: which, and at which parameters.
+    """One run to predict: its index and parameters.
 
     nominal: relative deviations of nominal values, by dotted key of robot.toml; errors that runs share and quantities
     of the laboratory, by their key, in SHARED_UNIT to the standard deviation. terms: coordinates of candidate effects
@@ -97,12 +97,12 @@ class Forward(Protocol):
         ...
 
     def of_frames(self, data: Sequence[RunData]) -> Forward:
-        """The simulator of the same runs, of which only these frames are asked for."""
+        """The simulator of these runs at other frames."""
         ...
 
 
 def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
-    """Start poses that lay the nominal prediction on the first part of every run, (n, 7) with zero scatter."""
+    """Start poses that fit the nominal prediction to the first part of every run, (n, 7), with zero random effects."""
     per_run = np.zeros((len(data), PER_RUN))
     predicted = forward.marks([Task(run, (0.0,) * PER_RUN) for run in range(len(data))])
     for run, (item, marks) in enumerate(zip(data, predicted, strict=True)):

@@ -1,9 +1,9 @@
 """Errors of the measurement that all runs of a camera share, as parameters with a prior.
 
-Calibration knows a camera to within its covariance, and a tracker sees a mark a little beside its middle in all frames.
-No number of runs averages that away; a diagnosis that took the camera for exact would in the end name it as an effect
-(plane-scale, camera-tilt, mark-offset). Here each independent error becomes what one standard deviation of it does to
-the marks; the fit may move it within that, as it may move nominal values of the robot within their tolerances.
+A camera is known to within the covariance of its calibration, and a tracker may locate a mark slightly off its centre
+in all frames. These errors do not average out over runs; a diagnosis that took the camera for exact would report them
+as an effect (plane-scale, camera-tilt, mark-offset). Here each independent error is represented by the shift of the
+marks by one standard deviation; the fit may adjust it, like nominal values of the robot within their tolerances.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BENDS = [(i, j) for i in range(4) for j in range(4) if 2 <= i + j <= 3]  # power
 
 @dataclass(frozen=True)
 class Sighting:
-    """Two marks of one run as a camera of this name placed them at height_mm (what evaluator.tracking writes)."""
+    """Two marks of one run, mapped by a camera of this name to the plane at height_mm (from evaluator.tracking)."""
 
     table: pd.DataFrame
     marks: tuple[str, ...]
@@ -40,7 +40,7 @@ class Sighting:
 
 
 def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats]]:
-    """What one standard deviation of each shared error does to the marks (n, 4) of every run, mm, by a key.
+    """Shifts of the marks (n, 4) of every run, mm, by one standard deviation of each shared error, by key.
 
     Runs without a sighting have none. Missing marks have zeros. Keys hold no dot, unlike those of robot.toml.
     """
@@ -61,11 +61,11 @@ def shared_errors(sightings: Sequence[Sighting | None]) -> list[dict[str, Floats
 
 
 def plane_errors(places_mm: Sequence[Floats | None], scale: float) -> list[dict[str, Floats]]:
-    """What one standard deviation of each smooth error of a plane does to marks (n, 4) placed on it, mm, by a key.
+    """Shifts of marks (n, 4), mm, by one standard deviation of each smooth error of their plane, by key.
 
-    Whoever knows lengths to a scale (relative, one standard deviation) knows them no better from place to place: a
-    calibration leaves errors that bend the plane and grow toward its edges. Each power of the place has there a slope
-    of that scale. None for marks that a camera placed whose errors are known by themselves.
+    If lengths are known to a relative scale (one standard deviation), local lengths are not known better: a calibration
+    has residual errors that distort the plane and grow toward its edges. Each power of the position is scaled to have
+    this slope at the edge. None for marks from a camera with a known covariance.
     """
     there = [where for where in places_mm if where is not None]
     if not there or scale <= 0:
@@ -84,7 +84,7 @@ def plane_errors(places_mm: Sequence[Floats | None], scale: float) -> list[dict[
 
 
 def _bent(where: Floats, middle: Floats, reach: float, scale: float) -> Floats:
-    """Shifts (n, 4, k) of marks (n, 4) by each power of the place, along x and along y."""
+    """Shifts (n, 4, k) of marks (n, 4) by each power of the position, along x and along y."""
     places = (where.reshape(-1, 2, 2) - middle) / reach
     shifts = np.zeros((len(where), 2, 2, 2, len(BENDS)))
     for number, (i, j) in enumerate(BENDS):
@@ -106,9 +106,9 @@ def _of_camera(item: Sighting, points: dict[str, Floats]) -> Floats:
 
 
 def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Floats]) -> Floats:
-    """Combinations (k, m) of a camera's errors that matter: orthonormal, so that each still is one standard deviation.
+    """Combinations (k, m) of a camera's errors that are relevant; orthonormal, so that each is one standard deviation.
 
-    What moves or turns the image of a run as a whole is left aside: every run has a start pose of its own.
+    Errors that shift or rotate a run as a whole are excluded, because the start pose of every run is free.
     """
     rows = []
     for where, shift in zip(points, shifts, strict=True):
@@ -127,7 +127,7 @@ def _main_directions(points: Sequence[Mapping[str, Floats]], shifts: Sequence[Fl
 
 
 def _fixed_to_body(item: Sighting, points: dict[str, Floats]) -> Floats:
-    """Shifts (n, 4, 4) by an error of either mark along and across their line; none for marks not tracked."""
+    """Shifts (n, 4, 4) by an error of either mark along and across their line; empty for marks not tracked."""
     table = item.table
     if not all(f"{mark}_{column}" in table for mark in item.marks for column in ("x_px", "x_sigma_mm")):
         return np.zeros((len(table), 4, 0))

@@ -1,8 +1,8 @@
 """Normal equations of many models at once, one for each scatter of a grid.
 
-Evidence asks no more of a model than the decrease of its squares and one determinant. Both stand in one elimination of
-its normal equations bordered by their right-hand side, a fifth of the work of solving them; most scatters are so
-unlikely that nothing else of them is needed.
+The evidence of a model needs only the decrease of its sum of squares and one determinant. Both result from one
+elimination of the normal equations bordered by their right-hand side, with a fifth of the work of solving them; most
+scatters are so improbable that nothing else of them is needed.
 Source: Golub & Van Loan (2013), Matrix Computations, 4th ed., 4.1 (LDLᵀ); Siegel (1965), Commun. ACM 8, 59 (bordering).
 """
 
@@ -15,7 +15,7 @@ from calibration.compilation import compiled
 
 Floats = NDArray[np.float64]
 
-LITTLE = 1e-12  # of the diagonal: keeps columns apart that say the same
+LITTLE = 1e-12  # of the diagonal: regularization of equivalent columns
 
 
 def normal_matrices(G: Floats, prior: Floats) -> Floats:
@@ -36,7 +36,7 @@ def solved(H: Floats, right: Floats) -> Floats:
 
 
 def explained(H: Floats, right: Floats, known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """What the solutions of normal equations H (t, k, k), right (t, k) take off -2 log likelihood; log determinants.
+    """Decrease of -2 log likelihood by the solutions of normal equations H (t, k, k), right (t, k); log determinants.
 
     The determinants (t,) are those of the known columns (k,) alone.
     """

@@ -1,13 +1,12 @@
 """Noise common to both marks that does not repeat between runs: drift, and friction that varies along the path.
 
-A camera moves against the plate, by some micrometres in seconds.
-
-Warm air over a lamp makes it wander, a stand that warms or a tripod that settles makes it creep. The distance of the
-marks does not show it (see drift.py) and fast modes do not either. In the path of one run it cannot be told from
-motion; but it does not repeat itself from run to run, and it leaves the heading alone. So its size is asked of the
-slow left-overs of all runs together, with start poses, random effects and common parameters free: an effect, which
-repeats itself, must then bring more than such a drift explains. Friction that wanders (friction_wander.py) does move
-the heading; it is asked for together with the drift, or each would be taken for the other.
+A camera moves relative to the plate by some micrometres within seconds: warm air over a lamp causes random drift, a
+stand that warms up or a tripod that settles causes creep. Neither the distance of the marks (see drift.py) nor fast
+modes show it, and in a single run it cannot be distinguished from motion. But it does not repeat between runs, and does
+not change the heading. Its size is therefore estimated from the slow residuals of all runs together, with start poses,
+random effects and common parameters free; an effect, which repeats, must then explain more than such a drift. Varying
+friction (friction_wander.py) does change the heading; it is estimated together with the drift, because each could be
+taken for the other.
 Source: restricted maximum likelihood, Patterson & Thompson (1971), Biometrika 58, 545.
 """
 
@@ -42,7 +41,7 @@ _Place = tuple[int, int, int, int]  # on the grid: rate, time and creep of a dri
 
 
 def drift_of(rate: int, time: int, creep: int) -> Drift:
-    """The drift at a place of the grid."""
+    """The drift at a point of the grid."""
     return Drift(RATES_MM[rate] * float(np.sqrt(LASTING_S[time])), LASTING_S[time], RATES_MM[creep])
 
 
@@ -52,11 +51,11 @@ USUAL_DRIFT = drift_of(*BEGIN)
 
 @dataclass(frozen=True)
 class _Run:
-    """One run in features of which the noise without drift has unit variance, and of what wanders are independent.
+    """One run in features with independent drift and unit variance of the noise without drift.
 
-    view: its linear view. wanders: variances (k,) that 1 mm of it adds to the features of each coordinate of the
-    midpoint. creeps: what 1 mm/s adds to them, (k,). friction: what each mode of a friction that walks by 1 in 1 mm
-    adds to all features, (d, m).
+    view: its linearization. wanders: (k,), variances that a random drift of 1 mm adds to the features of each
+    coordinate of the midpoint. creeps: (k,), changes by a creep of 1 mm/s. friction: (d, m), changes of all features by
+    each mode of a friction with a random walk of 1 per 1 mm.
     """
 
     view: Linearized
@@ -113,7 +112,7 @@ def common_drift(
 
 
 def _around(place: _Place, free: Sequence[int]) -> list[_Place]:
-    """A place of the grid and its neighbours along the axes that are free."""
+    """A point of the grid and its neighbours along the free axes."""
     most = len(RATES_MM), len(LASTING_S), len(RATES_MM), len(friction_wander.RATES)
     found = [place]
     for axis in free:
@@ -128,7 +127,7 @@ def _around(place: _Place, free: Sequence[int]) -> list[_Place]:
 def _run(
     view: Linearized, compression: Compression, time_s: Floats, friction: Floats, lasting_s: float, assumed: Drift
 ) -> _Run:
-    """The run in the features that make both the noise without drift and what wanders diagonal."""
+    """The run in features for which the covariances of noise without drift and of random drift are diagonal."""
     functional = compression.functional[0]
     wanders = functional.T @ correlated(time_s, lasting_s, functional)
     noise = np.eye(len(wanders)) - functional.T @ assumed.times(time_s, functional)
@@ -139,7 +138,7 @@ def _run(
 
 
 def changed(view: Linearized, change: Callable[[Floats], Floats]) -> Linearized:
-    """The view with its features changed by a linear map of (m, d)."""
+    """The linearization with its features transformed by a linear map of (m, d)."""
     parts = (change(part.T).T for part in (view.response, view.common, view.start, view.scatter))
     return Linearized(*parts)
 
@@ -152,7 +151,7 @@ def _of_midpoint(matrix: Floats, features: Floats) -> Floats:
 
 
 def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precision: Floats) -> float:
-    """Log evidence of all runs with such a drift and friction that walks by so much in 1 mm, start poses free."""
+    """Log evidence of all runs with a drift and a random walk of friction (change over 1 mm), start poses free."""
     views, widths = [], 0.0
     for run in runs:
         variance = 1 + drift.size_mm**2 * run.wanders

@@ -1,11 +1,10 @@
 """Size of unmodelled motion on open ground, from the residuals of the current model.
 
-A microrobot on a plate repeats its runs to some micrometres, so that all that is slow and not explained is an effect.
-A robot of a metre on a floor or outdoors does not: the same command, driven twice, ends decimetres apart within two
-seconds. Its slow left-overs are therefore part of the noise, as the residual variance is in a regression, and are
-estimated anew whenever the model has improved. Models then compete by how much less they leave, and none can be called
-inadequate by its left-overs alone. Friction and gains of single runs are part of it, not beside it: see
-problem.Problem.open_ground.
+A microrobot on a plate repeats its runs to some micrometres, so that slow residuals indicate an effect. A robot of a
+metre on a floor or outdoors does not: two runs with the same command end decimetres apart within two seconds. Its slow
+residuals are therefore treated as noise, like the residual variance of a regression, and estimated again whenever the
+model has improved. Models are then compared by the size of their residuals, and no model is inadequate because of its
+residuals alone. Friction and gains of single runs are part of this noise: see problem.Problem.open_ground.
 Source: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425.
 """
 
@@ -21,7 +20,7 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 
 Floats = NDArray[np.float64]
 
-FAR_OUT = 2.0  # times the usual left-over of runs: Huber's limit, beyond which a run counts less
+FAR_OUT = 2.0  # times the usual residual of runs: Huber's limit, above which a run has less weight
 # Of mean squares made of a few slow modes: median over mean of chi-square with three degrees of freedom.
 MEDIAN_OVER_MEAN = 0.79
 
@@ -29,10 +28,10 @@ MEDIAN_OVER_MEAN = 0.79
 def with_discrepancy(
     noise: Sequence[tuple[Noise, ...]], times_s: Sequence[Floats], left_over_mm: Floats
 ) -> list[tuple[Noise, ...]]:
-    """The noise of every run's channels with a part that lasts as long as the run, of the size of its left-overs.
+    """The noise of every run's channels with an added part as long as the run, of the size of its residuals.
 
-    left_over_mm: (n, 2) of every run, from left_over. A run that leaves more than FAR_OUT times what is usual (it was
-    pushed, or rested though it should have moved) gets more of it.
+    left_over_mm: (n, 2) of every run, from left_over. A run with more than FAR_OUT times the usual residual (it was
+    pushed, or rested instead of moving) has a larger added part.
     """
     usual = np.sqrt(np.median(left_over_mm**2, axis=0) / MEDIAN_OVER_MEAN)
     result = []
@@ -48,7 +47,7 @@ def with_discrepancy(
 
 
 def left_over(measured: Floats, predicted: Floats, half_distance_mm: float) -> Floats:
-    """RMS left-overs (2,), mm, of the midpoint (a coordinate) and of the direction, the start pose at its best.
+    """RMS residuals (2,), mm, of the midpoint (per coordinate) and of the direction, with the best start pose.
 
     measured, predicted: channels (n, 4), see features.channels_of; NaN where the marks are not seen. NaN for a run that
     cannot be simulated.

@@ -1,9 +1,9 @@
 """Slow tracking errors, estimated from the distance of the marks, which no motion of the robot changes.
 
-A codec that repeats its errors, or brush marks of the plate beside a mark, move the mark by some hundredths of a pixel
-for seconds. Fast modes do not show this, and in the path of the robot it cannot be distinguished from motion; in the
-distance between the marks it can. What scale and keystone of a camera do to the distance, equal in all runs, is left
-out.
+Codec errors that repeat, or brush marks of the plate beside a mark, shift the mark by some hundredths of a pixel for
+seconds. Fast modes do not show this, and in the path of the robot it cannot be distinguished from motion, but it
+changes the distance between the marks. Changes of the distance by scale and keystone of a camera, which are equal in
+all runs, are excluded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 MODES = 8
 SIZES_MM = np.geomspace(2e-4, 2e-2, 24)
 LASTING_S = (0.5, 2.0, 8.0)
-# Gain in log likelihood from which on it is believed: four standard deviations.
+# Gain in log likelihood from which a drift is accepted: four standard deviations.
 BELIEVED = 8.0
 
 
@@ -37,7 +37,7 @@ class Distance:
 
 @dataclass(frozen=True)
 class _Modes:
-    """Slow modes of r runs: values (r, k), what a camera would do (r, k, 3), covariances (r, k, k).
+    """Slow modes of r runs: values (r, k), derivatives by scale and keystone (r, k, 3), covariances (r, k, k).
 
     noise: covariance of the noise; kernels: that of a drift of 1 mm, for each of LASTING_S.
     """
@@ -55,9 +55,9 @@ def with_drift(
     residuals_mm: Sequence[Floats],
     marks_mm: Sequence[Floats],
 ) -> list[tuple[Noise, ...]]:
-    """The noise of every run's channels with the drift that the distance (last channel, (n, 4) residuals) shows.
+    """The noise of every run's channels with the drift estimated from the distance (last channel of (n, 4) residuals).
 
-    The two marks err independently, so the midpoint and the direction have half of what the distance has.
+    Errors of the two marks are independent, so that midpoint and direction have half the drift of the distance.
     """
     runs = [
         Distance(time[used], residual[used, 3], marks[used], parts[3])
@@ -75,7 +75,7 @@ def with_drift(
 
 
 def drift(runs: Sequence[Distance]) -> tuple[float, float]:
-    """Standard deviation of the drift of the distance, mm, and how long it lasts, s; 0 where none is seen."""
+    """Standard deviation of the drift of the distance, mm, and its correlation time, s; 0 if there is none."""
     if not runs:
         return 0.0, LASTING_S[0]
     modes = _modes(runs)
@@ -114,7 +114,7 @@ def _modes_of(run: Distance) -> tuple[Floats, ...]:
 
 
 def _log_likelihood(modes: _Modes, size_mm: float, kernel: int) -> float:
-    """Of all runs, the camera's three numbers at their best."""
+    """Log likelihood of all runs, maximised over the camera's three parameters."""
     root = np.linalg.cholesky(modes.noise + size_mm**2 * modes.kernels[kernel])
     white = np.linalg.solve(root, np.concatenate([modes.values[..., None], modes.camera], axis=2))
     values, camera = white[:, :, 0].ravel(), white[:, :, 1:].reshape(-1, 3)

@@ -17,13 +17,13 @@ MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3
 
 
 def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats:
-    """Coordinates (n, 4), mm, with those that jump from their neighbours and back set to NaN: a tracker was mistaken.
+    """Coordinates (n, 4), mm, with tracking errors, which jump away from their neighbours and back, set to NaN.
 
-    parts: columns that are judged together: marks, or the channels of what a model leaves of them. Of a model that
-    follows the robot the left-overs hardly move, so that a jump shows that is hidden in the motion of the marks.
-    A coordinate is an outlier where it lies farther from what the frames around it say (the median of the middles of
-    pairs) than OUTLIER_SIGMAS robust standard deviations of this distance and OUTLIER_STEPS of the motion from frame to
-    frame: no robot leaves its path for a frame or two.
+    parts: columns that are tested together: marks, or channels of residuals. Residuals of a good model vary slowly, so
+    that they show jumps that are hidden in the motion of the marks. A coordinate is an outlier if its distance from the
+    prediction of the frames around it (the median of the midpoints of pairs) exceeds OUTLIER_SIGMAS robust standard
+    deviations of this distance and OUTLIER_STEPS times the motion between frames: no robot leaves its path for one or
+    two frames.
     """
     cleaned = values.copy()
     for part in parts:
@@ -46,9 +46,9 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
 
 
 def _continued(points: Floats, frames: int) -> Floats:
-    """A path (n, k) with so many frames more before and after, its mirror image about where its ends should be.
+    """A path (n, k) extended by frames on both sides, by point reflection about the extrapolated position of its ends.
 
-    That is where its neighbours point, not the end itself: a jump in the first or the last frame would judge itself.
+    The ends themselves are not used, so that a jump in the first or the last frame is detected.
     """
     before, after = (
         2 * np.median([2 * path[j] - path[2 * j] for j in ENDS_FROM], axis=0) - path[frames:0:-1]

@@ -1,8 +1,8 @@
 """Tracking noise of marks: size and correlation in time, from modes that no motion of the robot contains.
 
-The residual of a run is split into cosine modes. Slow modes hold the misfit of the model, fast ones only noise. A white
-part plus a first-order autoregressive part is fitted to the fast modes and carried over to the slow ones, so a model
-that is wrong does not pass its own misfit off as noise. Source: Whittle (1953), Ark. Mat. 2, 423.
+The residual of a run is decomposed into cosine modes. Slow modes contain the misfit of the model, fast ones only noise.
+White noise plus a first-order autoregressive process is fitted to the fast modes and extrapolated to the slow ones, so
+that the misfit of a wrong model is not attributed to noise. Source: Whittle (1953), Ark. Mat. 2, 423.
 """
 
 from __future__ import annotations
@@ -38,10 +38,9 @@ QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below th
 
 @dataclass(frozen=True)
 class Drift:
-    """What wanders for seconds, and what creeps on: standard deviations, mm, s and mm/s.
+    """Slow errors: exponentially correlated drift, and creep; standard deviations, mm, s and mm/s.
 
-    size_mm, lasting_s: of what wanders, and the time after which it has forgotten itself. creep_mm_s: of a speed that
-    lasts as long as a run.
+    size_mm, lasting_s: of the drift, and its correlation time. creep_mm_s: of a velocity that is constant in a run.
     """
 
     size_mm: float = 0.0
@@ -49,7 +48,7 @@ class Drift:
     creep_mm_s: float = 0.0
 
     def covariance(self, time_s: Floats) -> Floats:
-        """Covariance between samples at time_s, (n, n), mm², the place at the first of them aside."""
+        """Covariance between samples at time_s, (n, n), mm²; creep starts at 0 at the first of them."""
         lag, since = np.abs(time_s[:, None] - time_s[None, :]), time_s - time_s[0]
         return np.asarray(
             self.size_mm**2 * np.exp(-lag / self.lasting_s) + self.creep_mm_s**2 * since[:, None] * since[None, :]
@@ -66,9 +65,9 @@ class Drift:
         return product
 
     def about_mean_mm(self, over_s: float) -> float:
-        """RMS distance from its own mean over a time, mm: less than its size where it lasts longer.
+        """RMS deviation from its mean over a time, mm: less than size_mm for long correlation times.
 
-        Mean of exp(-|lag| / lasting) over all pairs of moments: what the mean itself scatters.
+        The variance of the mean is the mean of exp(-|lag| / lasting) over all pairs of times.
         """
         share = over_s / self.lasting_s
         wanders = self.size_mm**2 * max(1 - 2 * (share - 1 + np.exp(-share)) / share**2, 0.0)
@@ -80,11 +79,11 @@ NO_DRIFT = Drift()
 
 @dataclass(frozen=True)
 class Noise:
-    """White noise plus exponentially correlated noise of one channel, mm and s; drift: what lasts for seconds.
+    """White noise plus exponentially correlated noise of one channel, mm and s, with slow errors.
 
-    drift: of each mark by itself, or of what no model predicts. common_drift: of both marks alike. vibration_mm: what
-    stands out of both in narrow bands of frequency, a stand that shakes or a lamp that flickers. It is noise of a
-    sample, and no part of the covariance: no slow mode sees it.
+    drift: independent for each mark, or unmodelled motion. common_drift: equal for both marks. vibration_mm: power in
+    narrow frequency bands, from a vibrating stand or a flickering lamp; it is part of the noise of a sample, but not of
+    the covariance, because slow modes do not contain it.
     """
 
     white_mm: float
@@ -117,7 +116,7 @@ class Noise:
         return float(np.sqrt(np.sum(np.square(parts))))
 
     def about_mean_mm(self, over_s: float) -> float:
-        """RMS distance from the mean over a time, mm: a start pose that is fitted takes the mean of a drift along."""
+        """RMS deviation from the mean over a time, mm: the fitted start pose absorbs the mean of a drift."""
         drifts = (drift.about_mean_mm(over_s) for drift in self._drifts)
         return float(np.sqrt(np.sum(np.square((self.white_mm, self.slow_mm, self.vibration_mm, *drifts)))))
 
@@ -133,8 +132,8 @@ class Noise:
 def correlated(time_s: Floats, correlation_s: float, columns: Floats) -> Floats:
     """The matrix exp(-|lag| / correlation_s) of samples at increasing time_s (n,) times columns (n, k).
 
-    Such noise has no memory but its last value, so that the inverse of the matrix has three diagonals, and a product
-    takes time in proportion to n, not n². Source: Rybicki & Press (1995), Phys. Rev. Lett. 74, 1060.
+    The process is Markov, so that the inverse of the matrix is tridiagonal and a product takes time in proportion to n.
+    Source: Rybicki & Press (1995), Phys. Rev. Lett. 74, 1060.
     """
     if len(time_s) < 2:
         return columns
@@ -159,13 +158,13 @@ class Spectrum:
 
 
 def spectrum(time_s: Floats, residual_mm: Floats) -> Spectrum:
-    """Cosine modes of a residual freed of its smooth part, a polynomial in time.
+    """Cosine modes of a residual after subtraction of its smooth part, a polynomial in time.
 
-    Without the polynomial the ends of a drifting residual would leak into the fast modes. Where samples are missing
-    (NaN) or frames were dropped stands what those seen say of the modes below SLOWEST_HZ: it adds no fast power, and
-    the power of white noise is lessened alike at all frequencies above, in proportion to the samples that are there.
-    A vibration with holes is in part white, here as in the slow modes that are fitted.
-    Tapered, a vibration of some micrometres stays within a few modes; else its foot would lift all of them.
+    Without the polynomial the ends of a drifting residual would leak into the fast modes. Missing samples (NaN, dropped
+    frames) are filled with the modes below SLOWEST_HZ, fitted to the others: this adds no fast power, and reduces the
+    power of white noise equally at all frequencies above, in proportion to the samples present. A vibration with gaps
+    is partly white, here as in the slow modes of the fit. Tapering confines a vibration of some micrometres to a few
+    modes; otherwise its side lobes would raise all of them.
     Source: von Hann's window in Harris (1978), Proc. IEEE 66, 51.
     """
     good = np.isfinite(residual_mm)
@@ -186,7 +185,7 @@ def spectrum(time_s: Floats, residual_mm: Floats) -> Spectrum:
 
 
 def _slow_part(values: Floats, seen: NDArray[np.int64], missing: NDArray[np.int64], modes: int) -> Floats:
-    """What the slowest modes, fitted to values in the slots seen, say of the missing slots between them."""
+    """Values of missing slots from the slowest modes, fitted to the values in the other slots."""
     count = max(int(seen[-1]), int(missing[-1])) + 1
 
     def waves(slots: NDArray[np.int64]) -> Floats:
@@ -199,11 +198,11 @@ def _slow_part(values: Floats, seen: NDArray[np.int64], missing: NDArray[np.int6
 
 
 def _frame_slots(time_s: Floats) -> tuple[NDArray[np.int64], float]:
-    """Number of every frame (n,), counted with those dropped before it, and the time between frames, s.
+    """Index of every frame (n,), including dropped frames before it, and the frame interval, s.
 
-    Each sample keeps its own value in its own slot. Resampled on a grid of the median interval, which times rounded to
-    a millisecond put 2 % off, samples would be averaged with their neighbours: that takes fast power from white noise
-    and makes it look correlated, so that slow modes were given up to half again the power that they have.
+    Each sample keeps its value in its slot. Resampling on a grid of the median interval, which is 2 % wrong for times
+    rounded to a millisecond, would average neighbouring samples: this reduces the fast power of white noise and makes
+    it appear correlated, so that the power of slow modes was overestimated by up to half.
     """
     steps = np.diff(time_s)
     slots = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1).astype(np.int64))])
@@ -211,10 +210,10 @@ def _frame_slots(time_s: Floats) -> tuple[NDArray[np.int64], float]:
 
 
 def fit_noise(spectra: list[Spectrum], shared: Noise | None = None) -> Noise:
-    """Fit one noise to the fast modes of all spectra (Whittle likelihood, lines of narrow band held down).
+    """Fit one noise model to the fast modes of all spectra (Whittle likelihood, narrow-band lines suppressed).
 
-    shared: the noise, but for its size, of these and of others that are made alike: where these alone do not show a
-    correlated part, they have that of all together.
+    shared: the noise of these and similar recordings, up to its size; its correlated part is used if these spectra
+    alone do not show one.
     """
     frequency = np.concatenate([item.frequency_hz for item in spectra])
     power = np.concatenate([item.power_mm2 for item in spectra])
@@ -294,7 +293,7 @@ def expected_power(noise: Noise, frequency_hz: Floats, step_s: float) -> Floats:
 
 
 def with_vibration(noise: Noise, spectra: Sequence[Spectrum], above_hz: float) -> Noise:
-    """The noise with what the modes of its spectra above a frequency hold beyond its smooth part."""
+    """The noise with vibration: the power of its spectra above a frequency beyond the smooth part."""
     beyond = []
     for item in spectra:
         fast = item.frequency_hz > above_hz
@@ -304,10 +303,10 @@ def with_vibration(noise: Noise, spectra: Sequence[Spectrum], above_hz: float) -
 
 
 def _banded(frequency_hz: Floats, power: Floats, bands: int = 60) -> tuple[Floats, Floats]:
-    """Mean power per frequency band, from the median; a line (a wheel's run-out, a stand that shakes) lifts no band.
+    """Mean power per frequency band, from the median, which a line (run-out of a wheel, vibration) hardly changes.
 
-    The median of a chi-square variable with one degree of freedom is 0.4549 of its mean. A line that fills a band gives
-    way to the median of the band and its neighbours, which leaves a smooth spectrum as it is.
+    The median of a chi-square variable with one degree of freedom is 0.4549 of its mean. A line that fills a band is
+    replaced by the median of the band and its neighbours, which does not change a smooth spectrum.
     """
     order = np.argsort(frequency_hz)
     groups = np.array_split(order, min(bands, max(len(order) // 8, 1)))
