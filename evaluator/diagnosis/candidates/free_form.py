@@ -23,8 +23,7 @@ from simulator.effects.parameter import PAPER_SIZE, Size
 Floats = NDArray[np.float64]
 
 PREFIX = "free:"
-# Steps: for every channel, in its file unit, a size with a visible and linear response, for a basis of size one and a
-# robot of the paper's size.
+# Steps in file units with a visible, linear response, for a basis of size one and a robot of the paper's size.
 CHANNEL_STEP = {
     "force_forward": 0.02,
     "force_left": 0.02,

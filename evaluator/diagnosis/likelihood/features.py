@@ -17,15 +17,13 @@ from scipy.linalg import solve_triangular
 
 from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.noise.friction_wander import Whitening
+from evaluator.diagnosis.likelihood.noise.spectrum import TAPERED, Spectrum, spectrum
 from evaluator.diagnosis.likelihood.noise.tracking import (
     FEWEST_MODES,
     QUANTIZATION_MM,
-    TAPERED,
     Noise,
-    Spectrum,
     expected_power,
     fit_noise,
-    spectrum,
     with_vibration,
 )
 

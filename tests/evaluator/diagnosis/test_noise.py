@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evaluator.diagnosis.likelihood.noise.spectrum import Spectrum, spectrum
 from evaluator.diagnosis.likelihood.noise.tracking import (
     QUANTIZATION_MM,
     Drift,
     Noise,
-    Spectrum,
     _whittle,
     expected_power,
     fit_noise,
-    spectrum,
     with_vibration,
 )
 

@@ -20,16 +20,8 @@ from evaluator.diagnosis.likelihood.features import (
     rms_apart,
 )
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED, Distance, drift, with_drift
-from evaluator.diagnosis.likelihood.noise.tracking import (
-    Drift,
-    Noise,
-    Spectrum,
-    _banded,
-    _decay,
-    _density,
-    fit_noise,
-    spectrum,
-)
+from evaluator.diagnosis.likelihood.noise.spectrum import Spectrum, spectrum
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise, _banded, _decay, _density, fit_noise
 
 MARKS = np.array([[1.0, 4.0, 3.0, 2.0], [0.0, 2.0, 0.0, -2.0]])
 
