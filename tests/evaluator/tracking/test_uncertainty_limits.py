@@ -189,3 +189,15 @@ def test_the_scatter_of_a_length_counts_what_its_usual_course_takes_of_it() -> N
     usual = np.column_stack([np.ones(30), rng.normal(size=(30, 6))])
     squares = [_scatter(20.0 + rng.normal(size=30), usual)[0] ** 2 for _ in range(99)]
     assert np.mean(squares) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("stride", [1, 4])
+def test_a_course_is_the_quartic_through_the_five_nearest_on_either_side(stride: int) -> None:
+    """The weights of Savitzky and Golay without the frame itself."""
+    course = Course(TIME_S, circle(), stride)
+    near = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
+    assert course.around[:, 100].tolist() == (100 + stride * near).tolist()
+    np.testing.assert_allclose(
+        course.weights[:, 100], np.linalg.pinv(np.vander(near, 5, increasing=True))[0], atol=1e-9
+    )
+    assert np.flatnonzero(~course.known).tolist() == [*range(2 * stride), *range(COUNT - 2 * stride, COUNT)]
