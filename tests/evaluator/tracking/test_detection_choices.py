@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.detection import appearance, find
+from evaluator.tracking.detection import appearance, explain, find
+from evaluator.tracking.detection.explain import _refusal
 from evaluator.tracking.refinement.learn_shape import Patch, finished
 from evaluator.tracking.settings import TrackingSettings
 
@@ -167,3 +168,52 @@ def test_a_shape_is_learnt_anew_without_what_lies_across_it(
     assert given == [[40] * 3, *[[35] * 3] * (lessons - 1)]
     assert disc.occluded == pytest.approx(occluded)
     assert disc.radius_px == (10.0 if occluded == 0.0 else 9.0 + lessons)
+
+
+@pytest.mark.parametrize(
+    ("blob", "said", "reason"),
+    [
+        ({}, {}, "another is likelier"),
+        ({}, {"allowed": False}, "outside region_px"),
+        ({"hue": 101.0}, {}, "hue 101 deg is not within 60 to 100"),
+        ({"hue": 59.0}, {}, "hue 59 deg is not within"),
+        ({"hue": 5.0}, {"wanted": (350.0, 10.0)}, "another is likelier"),  # across red
+        ({"hue": 12.0}, {"wanted": (350.0, 10.0)}, "hue 12 deg is not within 350 to 10"),
+        ({"chroma": 39.0}, {}, "too pale: chroma 39, the frame's own tints reach 40"),
+        ({"radius_px": 2.9}, {"diameter_px": 10.0}, "6 px across is not about diameter_px = 10"),
+        ({"radius_px": 8.6}, {"diameter_px": 10.0}, "17 px across is not about"),
+        ({"radius_px": 8.4}, {"diameter_px": 10.0}, "another is likelier"),
+        ({"elongation": 6.1}, {}, "a stripe: 6.1 times as long as wide"),
+        ({"whole": False}, {}, "cut by the border of the image"),
+    ],
+)
+def test_a_blob_is_refused_with_the_number_and_the_setting_that_would_change_it(
+    blob: dict[str, Any], said: dict[str, Any], reason: str
+) -> None:
+    usual = {"hue": 80.0, "radius_px": 5.0, "elongation": 1.1, "chroma": 41.0, "whole": True} | blob
+    hue = usual.pop("hue")
+    options: Any = {"wanted": (60.0, 100.0), "diameter_px": None, "allowed": True} | said
+    one: Any = SimpleNamespace(**usual)
+    found = _refusal(one, hue, options["wanted"], 40.0, options["diameter_px"], allowed=options["allowed"])
+    assert found.startswith(reason)
+
+
+@pytest.mark.parametrize(("column", "row"), [(0.5, 5.0), (5.0, 9.9), (10.5, 5.0)])
+def test_a_search_tells_of_each_blob_its_hue_and_whether_it_was_sought_there(
+    column: float, row: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells of 2 px from (0.5, 0.5) on, coloured alike, of which the left half is searched."""
+    hue = np.full((10, 11), np.nan, np.float32)
+    hue[:, :] = 80.0
+    monkeypatch.setattr(explain, "allowed_cells", lambda *_: np.tile(np.arange(11) < 6, (10, 1)))
+    colors: Any = SimpleNamespace(chroma=np.full((10, 11), 50.0), floor=40.0, cell_px=(2.0, 2.0), origin_px=(0.5, 0.5))
+    place = 0.5 + 2 * (column - 0.5), 0.5 + 2 * (row - 0.5)
+    blob: Any = SimpleNamespace(center_px=place, radius_px=3.0, elongation=1.0, chroma=50.0, whole=True)
+    settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": [60, 100]}}})
+    seen = explain._of_mark("green", None, settings, colors, hue.ravel(), [blob], None)  # type: ignore[arg-type]
+    (found,) = seen.blobs
+    assert found.hue_deg == pytest.approx(80.0)
+    assert found.verdict.startswith("another is likelier" if column < 6 else "outside region_px")
+    assert seen.mask.sum() == 60
+    chosen = explain._of_mark("green", None, settings, colors, hue.ravel(), [blob], blob)  # type: ignore[arg-type]
+    assert (chosen.blobs[0].verdict, chosen.blobs[0].chosen) == ("chosen", True)
