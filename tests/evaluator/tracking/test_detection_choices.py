@@ -217,3 +217,58 @@ def test_a_search_tells_of_each_blob_its_hue_and_whether_it_was_sought_there(
     assert seen.mask.sum() == 60
     chosen = explain._of_mark("green", None, settings, colors, hue.ravel(), [blob], blob)  # type: ignore[arg-type]
     assert (chosen.blobs[0].verdict, chosen.blobs[0].chosen) == ("chosen", True)
+
+
+def colored(blobs: list[tuple[int, int, int, float, float]], rows: int = 40, columns: int = 60) -> Any:
+    """Colours of a frame that is grey but for squares: row, column, side, hue and chroma."""
+    chroma, hue = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32)
+    for row, column, side, angle, strength in blobs:
+        part = slice(row, row + side), slice(column, column + side)
+        chroma[part], hue[part] = strength, angle
+    cells = np.flatnonzero(chroma > 20.0)
+    return SimpleNamespace(
+        chroma=chroma, floor=20.0, colorful=cells, hue_deg=hue.ravel()[cells], u=chroma, v=chroma,
+        cell_px=(1.0, 1.0), origin_px=(0.0, 0.0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("hues", "wider", "found"),
+    [
+        ((60.0, 100.0), 0.0, [(7.5, 7.5), (17.5, 7.5)]),  # of 65 and 95 degrees
+        ((350.0, 66.0), 0.0, [(7.5, 7.5), (37.5, 7.5), (47.5, 7.5)]),  # across red: 355 and 5, too
+        ((66.0, 90.0), 9.0, []),  # what a user says is not widened
+    ],
+)
+def test_blobs_of_a_mark_are_those_of_its_hues_around_the_circle(
+    hues: tuple[float, float], wider: float, found: list[tuple[float, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(find, "allowed_cells", lambda *_: np.ones((40, 60), bool))
+    squares = [(5, 5, 6, 65.0, 60.0), (5, 15, 6, 95.0, 60.0), (5, 35, 6, 355.0, 60.0), (5, 45, 6, 5.0, 60.0)]
+    settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": hues}}})
+    seen = find._candidates(None, colored(squares), settings, ["green"], wider)  # type: ignore[arg-type]
+    assert sorted(one.center_px for one in seen) == found
+
+
+def test_a_mark_on_something_of_its_own_hue_stands_out_at_a_level_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A square of 6 on one of 24, twice as colourful, and one that is hardly more colourful than a level."""
+    monkeypatch.setattr(find, "allowed_cells", lambda *_: np.arange(2400).reshape(40, 60) % 60 < 50)
+    settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": (60.0, 100.0)}}})
+    for strength, sizes in ((95.0, [6, 24]), (45.5, [24])):
+        squares = [(5, 5, 24, 80.0, 39.0), (12, 9, 6, 80.0, strength), (5, 52, 6, 80.0, 90.0)]
+        seen = find._candidates(None, colored(squares), settings, ["green"])  # type: ignore[arg-type]
+        assert sorted(round(one.radius_px * np.pi**0.5) for one in seen) == sizes  # and none beyond column 50
+        small = min(seen, key=lambda one: one.radius_px)
+        assert small.center_px == ((11.5, 14.5) if len(sizes) > 1 else pytest.approx((16.5, 16.5), abs=0.2))
+
+
+def test_eight_blobs_are_explained_the_most_colourful_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chroma times the radius, up to ten: a large faint thing counts no more than a mark."""
+    monkeypatch.setattr(explain, "allowed_cells", lambda *_: np.ones((40, 60), bool))
+    squares = [(2, 2 + 6 * k, 4, 80.0, 30.0 + k) for k in range(9)] + [(12, 2, 24, 80.0, 29.0)]
+    monkeypatch.setattr(explain, "color_map", lambda *_, **__: colored(squares))
+    monkeypatch.setattr(explain, "find_marks", lambda *_: SimpleNamespace(chosen={}))
+    frame: Any = SimpleNamespace(u=np.zeros((40, 60)))
+    settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": (60.0, 100.0)}}})
+    (seen,) = explain.explain(frame, settings)
+    assert [round(one.blob.chroma) for one in seen.blobs] == [29, *range(38, 31, -1)]
