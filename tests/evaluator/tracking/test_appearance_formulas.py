@@ -1,0 +1,66 @@
+"""A shape in its patches: where it is fitted, and from how many patches an edge beside it is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.tracking.detection import appearance
+from evaluator.tracking.refinement import kernels
+from evaluator.tracking.refinement.learn_shape import Patch, finished
+from tests.evaluator.tracking.test_fit_kernels import DISC, STATE, drawn
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_a_disc_is_fitted_in_a_patch_at_its_place_in_the_frame_and_its_column_in_the_patch(step: int) -> None:
+    luma = np.rint(drawn(np.array([*STATE[:4], 0.0, 0.0]), 0.0, float(step), (41 // step, 40)))
+    rows, columns = np.indices(luma.shape)
+    place = 100.0 + columns.ravel(), 50.0 + step * rows.ravel()
+    patch = Patch(*place, luma.ravel(), (100.0 + STATE[0] + 0.8, 50.0 + STATE[1] - 0.8))
+    seen, where, fitted = appearance._fitted(patch, DISC, sloping=False)
+    assert (where, seen.dtype) == ((50, step), np.uint8)
+    np.testing.assert_array_equal(seen, luma)
+    assert fitted[[kernels.X, kernels.Y]] == pytest.approx([STATE[0], 50.0 + STATE[1]], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("patches", "edges", "learnt"),
+    [(6, 3, True), (7, 3, False), (7, 4, True), (3, 2, False), (3, 3, True)],
+)
+def test_an_edge_is_believed_that_half_of_the_patches_show_and_three_at_least(
+    patches: int, edges: int, learnt: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first: Any = SimpleNamespace(noise=4.0, amplitude=100.0, edge=None, radius_px=8.0, blur_px=1.0)
+    given = [Patch(np.full(9, 5.0), np.zeros(9), np.full(9, float(k)), (0.0, 0.0)) for k in range(patches)]
+    residuals = iter([1.0, 0.5, 0.7, 0.1])  # of a lesson: the second explains more, the third less
+
+    def find_edge(view: Any, plain: np.ndarray, sloped: np.ndarray, _last: Any) -> Any:
+        assert (plain[kernels.X], sloped[kernels.X]) == (25.0, 25.0)  # in the frame
+        assert view.noise == (100.0, 5.0)  # a tenth of the amplitude, squared
+        if view.patch.value[0] == 0:
+            fitted[kernels.RESIDUAL] = next(residuals)
+        return (fitted.copy(), "edge") if view.patch.value[0] < edges else None
+
+    fitted = np.zeros(kernels.RESULTS)
+    lessons: list[int] = []
+
+    def learn(cleared: list[Patch], _radius: float, _blur: float) -> Iterator[None]:
+        lessons.append(len(cleared))
+        yield
+        return SimpleNamespace(**vars(first))  # type: ignore[return-value]
+
+    start = np.zeros(kernels.RESULTS)
+    start[kernels.X] = 20.0
+    monkeypatch.setattr(appearance, "_fitted", lambda *_, **__: (None, None, start.copy()))
+    monkeypatch.setattr(appearance, "matters", lambda *_: True)
+    monkeypatch.setattr(appearance, "find_edge", find_edge)
+    monkeypatch.setattr(appearance, "without_edge", lambda patch, *_: patch)
+    monkeypatch.setattr(appearance, "learn_disc", learn)
+    monkeypatch.setattr(appearance, "replace", lambda disc, **new: SimpleNamespace(**{**vars(disc), **new}))
+    disc = finished(appearance._learn_beside_edge(given, first))
+    assert disc.edge == ("edge" if learnt else None)
+    assert lessons == ([edges] * 2 if learnt else [])
