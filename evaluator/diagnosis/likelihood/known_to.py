@@ -1,12 +1,12 @@
 """Quantities known to a tolerance, as parameters: start of motion, clock, scale, geometry, level.
 
-Nobody knows the start of the motors to the millisecond, a wheel to the micrometre or a plate to be level. A diagnosis
-that took these for exact would name each as an effect. Here every such quantity is a parameter with a Gaussian prior,
-common to all runs of the session; the start has besides one number per run (mixed_model.SCATTER). The fit may move them
-within what is known, and says where the data want them.
+The start of the motors is not known to the millisecond, a wheel not to the micrometre, and a plate is not exactly
+level. A diagnosis that took these quantities for exact would report their errors as effects. Here each is a parameter
+with a Gaussian prior, common to all runs of the session; the start also has one number per run (mixed_model.SCATTER).
+The fit adjusts them within their tolerances and reports the values that the data prefer.
 
-Some act in the simulation (start, clock, wheels, level, centre of gravity), some only on what is seen (scale, places of
-the marks): those need no simulation of their own.
+Some act in the simulation (start, clock, wheels, level, centre of gravity), others only on the observation (scale,
+positions of the marks), which needs no further simulation.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ FRAMES_COMMON, FRAMES_PER_RUN = 1.0, 0.5  # knowledge of the start where experim
 
 @dataclass(frozen=True)
 class Quantity:
-    """One thing known to within a tolerance.
+    """One quantity known to a tolerance.
 
     key: of the deviation in the fit. name, unit: for people and diagnosis.json. sigma: standard deviation in that unit.
     per_unit: size in the unit of a deviation of 1 in the fit.
@@ -64,7 +64,7 @@ class Quantity:
 
 
 def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Quantity, ...]:
-    """All that is known to within a tolerance and is not in the robot's [tolerance]; what is exact is left out."""
+    """All quantities known to a tolerance that are not in the robot's [tolerance]; exact ones are omitted."""
     geometry = robot.known_to
     common_s = known.start_common_s
     if common_s is None:
@@ -92,7 +92,7 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
     ]
     radius = robot.driving_radius_mm
     radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
-    # a pair of wheels may be wrong alike (one calliper) or each by itself: the mean is known no better than each
+    # errors of a pair of wheels may be equal (one calliper) or independent: the mean is not known better than each
     found.append(
         _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
     )
@@ -121,13 +121,13 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
 
 
 def start_per_run_s(known: KnownTo, data: Sequence[RunData]) -> float:
-    """Standard deviation of the start of single runs, s: half a frame where experiment.toml says nothing."""
+    """Standard deviation of the start of single runs, s; default half a frame."""
     usual_s = FRAMES_PER_RUN * min(frame_interval_s(data), _stamped_s(data))
     return usual_s if known.start_per_run_s is None else known.start_per_run_s
 
 
 def _stamped_s(data: Sequence[RunData]) -> float:
-    """How well the clocks of commands and poses agree where both are logs of computers; elsewhere frames decide."""
+    """Agreement of the clocks of commands and poses, s, if both are computer logs; otherwise infinite."""
     return STAMPED_S if all(run.log is not None and run.from_poses for run in data) else np.inf
 
 
@@ -137,12 +137,12 @@ def frame_interval_s(data: Sequence[RunData]) -> float:
 
 
 def mark_shifts(robot: Robot, found: Mapping[str, float]) -> tuple[float, ...]:
-    """Shifts of the two marks, x, y of the first and of the second, mm in the body frame, among found quantities."""
+    """Shifts of the two marks in the fitted quantities: x, y of the first and of the second, mm, body frame."""
     return tuple(found.get(key, 0.0) for key, _, _ in _mark_keys(robot))
 
 
 def mark_keys(robot: Robot) -> tuple[str, ...]:
-    """Keys of the places of a robot's reference pair, x, y of the first, then of the second; none with one mark."""
+    """Keys of the positions of a robot's reference pair, x, y of the first, then of the second; empty for one mark."""
     return tuple(key for key, _, _ in _mark_keys(robot))
 
 
@@ -155,10 +155,10 @@ def _shared(key: str, name: str, unit: str, sigma: float) -> Quantity:
 
 
 def amount_of(nominal: Mapping[str, float], key: str, known: Mapping[str, float]) -> float:
-    """Deviation of a quantity of the laboratory in its unit; nominal: as in Task, known: predicted_sigmas."""
+    """Deviation of a quantity known to a tolerance, in its unit; nominal: as in Task, known: predicted_sigmas."""
     return nominal.get(key, 0.0) * known.get(key, 0.0)
 
 
 def predicted_sigmas(found: Sequence[Quantity]) -> Mapping[str, float]:
-    """Size, in its unit, of a deviation of 1 in the fit, of the quantities that move what is predicted."""
+    """For quantities that change the prediction: size, in their unit, of a deviation of 1 in the fit."""
     return {item.key: item.per_unit for item in found if is_shared(item.key)}
