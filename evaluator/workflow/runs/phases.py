@@ -61,7 +61,7 @@ def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
     """The phases of a run, in time; of a run with a log, those in which a motor is on and that are long enough.
 
     Where the motion is later than the log, by clocks that differ or motors that wait, the phases are as late. Frames
-    that may belong to a change of command are in no phase.
+    that may belong to a change of command, or in which the robot comes up to speed, are in no phase.
     """
     first, last = float(poses.time_s[0]), float(poses.time_s[-1])
     if not run_command.logged:
@@ -83,7 +83,7 @@ def command_delay_of(run_command: RunCommand, poses: Poses) -> CommandDelay:
 
 
 def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:
-    low, high = (late.low_s, late.high_s) if late.is_known else (0.0, 0.0)
+    low, high = (late.low_s, late.settled_s) if late.is_known else (0.0, 0.0)
     number = 0
     for item in run_command.driven:
         begin, end = item.begin_s + high, item.end_s + low
@@ -100,6 +100,7 @@ def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: Comma
             "late_s": late.value_s,
             "late_low_s": late.low_s,
             "late_high_s": late.high_s,
+            "rise_s": late.rise_s,
         }
         yield Phase(frames, item.left_rpm, item.right_rpm, head=head)
 

@@ -51,6 +51,24 @@ def test_lateness_common_to_all_changes_is_found_whatever_its_sign(late: float) 
     assert found.is_known
 
 
+@pytest.mark.parametrize("rise", [0.24, 0.6])
+def test_lateness_is_that_of_the_beginning_of_a_change_that_takes_time(rise: float) -> None:
+    """As of a heavy robot that slides until it has come up to speed; without a rise time 0.12 and 0.3 s too late."""
+    late, changes = 0.2, [2.5, 6.0]
+    fine = np.arange(0, 9, FRAME_S / 20)
+    twists = np.array([STRAIGHT, TURN, BACK])
+    parts = [np.clip((fine - change - late) / rise, 0, 1)[:, None] for change in changes]
+    twist = twists[0] + parts[0] * (twists[1] - twists[0]) + parts[1] * (twists[2] - twists[1])
+    heading = np.cumsum(twist[:, 2]) * FRAME_S / 20
+    way = np.cumsum((twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)) * FRAME_S / 20
+    pose = np.column_stack([way.real, way.imag, heading])[::20]
+    found = command_delay(fine[::20], noisy(pose, 1), changes)
+    assert found.low_s < late < found.high_s
+    assert found.high_s - found.low_s < 0.1
+    assert found.rise_s == pytest.approx(rise, rel=0.4)
+    assert found.settled_s == pytest.approx(late + rise, abs=0.2)
+
+
 def test_constant_velocities_on_either_side_of_a_change_leave_nothing_of_their_arcs() -> None:
     since = np.arange(-1, 1, FRAME_S)
     headings, places = _left_over(since, driven(since, [0.0], TURN, BACK))
