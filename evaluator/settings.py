@@ -20,6 +20,8 @@ from simulator.robot import Robot, shipped_robot_text, shipped_robots
 if TYPE_CHECKING:
     from evaluator.interchange.commands import RunCommand
 
+# No robot keeps one command for so long before a recording: one of the clocks counts from 1970.
+FORGOTTEN_S = 1e6
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -99,6 +101,31 @@ class Run(Table):
         assert self.left_rpm is not None  # held by the model of the file
         assert self.right_rpm is not None
         return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)
+
+    def outside(self, command: RunCommand, first_s: float, last_s: float) -> str | None:
+        """Why the motors are off throughout a recording from first_s to last_s; None where they are not."""
+        named = self.source.name
+        if command.logged and not command.starts_at_rest:
+            begin_s, end_s = (float(command.command.time_s[k]) for k in (0, -1))
+            apart = f"begins {begin_s - last_s:.4g} s after {named} ends" if begin_s >= last_s else ""
+            if end_s < first_s - FORGOTTEN_S:
+                apart = f"ends {first_s - end_s:.4g} s before {named} begins"
+            if apart:
+                return f"run {self.id}: its log of commands {apart}; do both count from one moment (start_s)?"
+        key = "commands: motors on at" if command.logged else "start_s ="
+        start_s = self.start_s if not command.logged else command.start_s
+        if start_s is not None and start_s >= last_s:
+            return (
+                f"run {self.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
+                "give the time in the recording at which the motors were commanded on"
+            )
+        key = "commands: motors off at" if command.logged else "stop_s ="
+        if command.stop_s is not None and command.stop_s <= first_s:
+            return (
+                f"run {self.id}: {key} {command.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
+                "give the time in the recording at which the motors were commanded off"
+            )
+        return None
 
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

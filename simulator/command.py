@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Array = NDArray[np.float64]
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+RPM = {"rpm": 1.0, "rad_s": RPM_PER_RAD_S}
+M_S = {"m_s": 1.0, "mm_s": 1e-3}
+YAW_RAD_S = {"rad_s": 1.0, "deg_s": math.pi / 180}
+EXPECTED = "a command log has time_s, left_rpm, right_rpm"
 
 
 @dataclass(frozen=True)
@@ -96,7 +105,7 @@ class Command:
 
     @classmethod
     def from_csv(cls, path: str | Path) -> Command:
-        """Read a command log with columns time_s, left_rpm, right_rpm; values are joined by straight lines.
+        """Read a command log; values are joined by straight lines.
 
         Two rows at one time are a jump. Raises OSError, and SimulationError for a file that is not a command log.
         """
@@ -107,13 +116,20 @@ class Command:
             raise SimulationError(f"{path}: {error}") from error
 
     @classmethod
-    def held(cls, path: str | Path, *, starts_at_rest: bool = True) -> Command:
+    def held(
+        cls,
+        path: str | Path,
+        *,
+        starts_at_rest: bool = True,
+        wheel_radius_m: float | None = None,
+        track_m: float | None = None,
+    ) -> Command:
         """Read a command log as from_csv does, each value held until the next.
 
-        Columns left_rad_s, right_rad_s may replace left_rpm, right_rpm. Before the first row the motors are off; if the
-        robot does not start at rest, the first row holds from the beginning.
+        Before the first row the motors are off, or, where the robot does not start at rest, do what the first row says.
+        wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities.
         """
-        time, left, right = _columns_of_log(path)
+        time, left, right = _columns_of_log(path, wheel_radius_m, track_m)
         try:
             return cls.held_samples(time, np.column_stack([left, right]), starts_at_rest=starts_at_rest)
         except SimulationError as error:
@@ -139,6 +155,17 @@ class Command:
     def retimed(self, factor: float = 1.0, later_s: float = 0.0) -> Command:
         """The command with every time multiplied by factor and then shifted by later_s."""
         return Command(factor * self.time_s + later_s, self.left_rpm, self.right_rpm)
+
+    def within(self, begin_s: float, end_s: float) -> Command:
+        """The command from one time to a later one; before and after it holds what it says there."""
+        inside = (self.time_s > begin_s) & (self.time_s < end_s)
+        ends = np.array([begin_s, end_s])
+        time_s = np.r_[begin_s, self.time_s[inside], end_s]
+        sides = [
+            np.r_[value[0], side[inside], value[1]]
+            for side, value in zip((self.left_rpm, self.right_rpm), self.at(ends), strict=True)
+        ]
+        return Command(time_s, *sides)
 
     def stretches(self) -> tuple[Stretch, ...]:
         """Intervals of constant command, in order of time; ramps between them are omitted."""
@@ -169,8 +196,40 @@ class Command:
         )
 
 
-def _columns_of_log(path: str | Path) -> tuple[Array, Array, Array]:
-    """Time in s and both sides in rpm of a command log. Raises OSError, SimulationError that names the line."""
+def _columns_of_log(
+    path: str | Path, wheel_radius_m: float | None = None, track_m: float | None = None
+) -> tuple[Array, Array, Array]:
+    """Time in s and both sides in rpm of a command log. Raises OSError, SimulationError that names line or column.
+
+    Columns: time_s (or _ms, _us, _ns), and left_rpm, right_rpm (or _rad_s); or speeds of the wheels' surface, left_m_s,
+    right_m_s, which need the radius of the wheels; or velocities of the robot, forward_m_s and yaw_rate_rad_s, which
+    need its track, too. Other columns are left alone.
+    """
+    table = _table(path)
+    units: dict[str, Mapping[str, float]] = {"time": SECONDS, "left": RPM, "right": RPM}
+    if not any(f"{side}_{unit}" in table for side in ("left", "right") for unit in RPM):
+        if any(f"{side}_{unit}" in table for side in ("left", "right") for unit in M_S):
+            units |= {"left": M_S, "right": M_S}
+        elif any(f"forward_{unit}" in table for unit in M_S):
+            units = {"time": SECONDS, "forward": M_S, "yaw_rate": YAW_RAD_S}
+    names = [_name(path, table, quantity, known) for quantity, known in units.items()]
+    missing = [name for name in names if name not in table]
+    if missing:
+        found = ", ".join(map(str, table.columns))
+        raise SimulationError(f"{path}: column {', '.join(missing)} is missing; {EXPECTED} (found: {found})")
+    time, first, second = _numbers(path, table, names, units)
+    if units.get("left") is RPM:
+        return time, first, second
+    if wheel_radius_m is None or (track_m is None and "forward" in units):
+        needed = "wheel_radius_m" if "left" in units else "wheel_radius_m and track_m"
+        raise SimulationError(f"{path}: {names[1]} needs {needed} of the robot's controller in [commands]")
+    if "forward" in units:
+        half = second * (track_m or math.nan) / 2
+        first, second = first - half, first + half
+    return time, RPM_PER_RAD_S * first / wheel_radius_m, RPM_PER_RAD_S * second / wheel_radius_m
+
+
+def _table(path: str | Path) -> pd.DataFrame:
     import pandas as pd
 
     try:
@@ -178,29 +237,32 @@ def _columns_of_log(path: str | Path) -> tuple[Array, Array, Array]:
             first = lines.readline(4096)
         semicolons = first.count(";") > first.count(",")  # they come with decimal commas
         sep, decimal = (";", ",") if semicolons else (",", ".")
-        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal)
+        return pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    factors, names = [1.0], ["time_s"]
-    for side in ("left", "right"):
-        units = [unit for unit in ("rpm", "rad_s") if f"{side}_{unit}" in table]
-        if len(units) > 1:
-            raise SimulationError(f"{path}: both {side}_rpm and {side}_rad_s; keep one of them")
-        unit = units[0] if units else "rpm"
-        names.append(f"{side}_{unit}")
-        factors.append(RPM_PER_RAD_S if unit == "rad_s" else 1.0)
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise SimulationError(
-            f"{path}: column {', '.join(missing)} is missing; a command log has time_s, left_rpm, right_rpm"
-        )
+
+
+def _name(path: str | Path, table: pd.DataFrame, quantity: str, units: Mapping[str, float]) -> str:
+    """The column of a quantity; in the first of the units where there is none."""
+    there = [f"{quantity}_{unit}" for unit in units if f"{quantity}_{unit}" in table]
+    if len(there) > 1:
+        raise SimulationError(f"{path}: both {there[0]} and {there[1]}; keep one of them")
+    return there[0] if there else f"{quantity}_{next(iter(units))}"
+
+
+def _numbers(
+    path: str | Path, table: pd.DataFrame, names: list[str], units: Mapping[str, Mapping[str, float]]
+) -> list[Array]:
+    """The columns in the first of their units."""
+    import pandas as pd
+
+    if not len(table):
+        raise SimulationError(f"{path}: holds no row; {EXPECTED}")
     columns = [
-        factor * pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-        for name, factor in zip(names, factors, strict=True)
+        known[name.removeprefix(f"{quantity}_")] * pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+        for name, (quantity, known) in zip(names, units.items(), strict=True)
     ]
     bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))
     if len(bad):
         raise SimulationError(f"{path}: line {bad[0] + 2} holds a value that is not a finite number")
-    if not len(table):
-        raise SimulationError(f"{path}: holds no row; a command log has time_s, left_rpm, right_rpm")
-    return columns[0], columns[1], columns[2]
+    return columns

@@ -65,14 +65,15 @@ def from_log(
 ) -> RunCommand:
     """The commands of a log or a bag whose clock reads 0 at zero_s of the recording.
 
-    topics: of a bag. Raises InputError that names the file.
+    topics: of a bag; their wheels and track serve a table of velocities, too. Raises InputError that names the file.
     """
 
     def read(file: Path) -> Command:
         if is_bag(file):
             time_s, sides_rad_s = read_commands(file, topics or Topics())
             return Command.held_samples(time_s, RPM_PER_RAD_S * sides_rad_s, starts_at_rest=starts_at_rest)
-        return Command.held(file, starts_at_rest=starts_at_rest)
+        of_drive = {} if topics is None else {"wheel_radius_m": topics.wheel_radius_m, "track_m": topics.track_m}
+        return Command.held(file, starts_at_rest=starts_at_rest, **of_drive)
 
     try:
         command = read_with(read, path)

@@ -1,8 +1,9 @@
 """Poses of other systems (motion capture, SLAM, another tracker): centre and heading over time, plate frame.
 
-A CSV with `time_s`, x, y and heading (units by suffix: `x_mm` or `x_m`, `heading_deg` or `heading_rad`; standard
-uncertainties `x_sigma_mm`, `heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format
-(`timestamp x y z qx qy qz qw`, m) or the ground truth of EuRoC (ns, m): what evo reads; or a recording of ROS (bags).
+A CSV with time, x, y and heading (units by suffix: `time_s` or `time_ns`, `x_mm` or `x_m`, `heading_deg` or
+`heading_rad`; instead of a heading a quaternion `qx`, `qy`, `qz`, `qw`; standard uncertainties `x_sigma_mm`,
+`heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format (`timestamp x y z qx qy qz
+qw`, m) or the ground truth of EuRoC (ns, m): what evo reads; or a recording of ROS (bags).
 
 A sensor that is sampled faster than it measures repeats its last value. Such a file is recognised by values that
 repeat in the midst of motion; every repeat is dropped, and a value counts at the time at which it first appears.
@@ -30,8 +31,9 @@ Array = NDArray[np.float64]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
+S_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+QUATERNION = ("qx", "qy", "qz", "qw")
 TUM_COLUMNS = 8
-S_PER_NS = 1e-9
 # Clocks that count from 1970 or from the start of a computer: the recording then begins at nought.
 LARGEST_CLOCK_S = 1e6
 # Groups of equal values in the midst of others: that many are no coincidence.
@@ -83,17 +85,18 @@ def holds_poses(path: Path) -> bool:
     except (OSError, UnicodeDecodeError):
         return False
     cells = {cell.strip() for cell in first.replace(";", ",").split(",")}
-    table = "time_s" in cells and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
+    timed = any(f"time_{unit}" in cells for unit in S_PER)
+    table = timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
 
 
 def clock_zero_s(path: Path, topics: Topics | None = None) -> float:
     """Reading of the clock of a file of poses at time 0 of its recording. Raises InputError."""
-    return read_poses(path, topics).zero_s
+    return read_with(lambda file: _zero_s(_as_stated(file, topics or Topics())["time_s"].to_numpy(float)), path)
 
 
 def _read(path: Path, topics: Topics) -> PoseTable:
-    raw = _of_bag(path, topics) if is_bag(path) else _columns(path)
+    raw = _as_stated(path, topics)
     zero_s = _zero_s(raw["time_s"].to_numpy(float))
     raw["time_s"] -= zero_s
     check_marks(raw.rename(columns={"x_mm": "center_x_mm", "y_mm": "center_y_mm"}), path)
@@ -107,6 +110,11 @@ def _read(path: Path, topics: Topics) -> PoseTable:
     if not table["x_mm"].notna().any():
         raise InputError(f"{path}: no row holds a pose")
     return PoseTable(table, int((~kept).sum()), zero_s, stated)
+
+
+def _as_stated(path: Path, topics: Topics) -> pd.DataFrame:
+    """The columns of a PoseTable that a file or a bag has, times by its own clock."""
+    return _of_bag(path, topics) if is_bag(path) else _columns(path)
 
 
 def _zero_s(time_s: Array) -> float:
@@ -128,13 +136,12 @@ def held(values: Array) -> NDArray[np.bool_]:
 
 
 def _columns(path: Path) -> pd.DataFrame:
-    """The columns of a PoseTable that a file has, times by its own clock."""
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     said = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     if said and _is_numbers(said[0], None, TUM_COLUMNS):
         return _from_quaternions(_numbers(path, said, None), 1.0, (4, 5, 6, 7))
     if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and what follows
-        return _from_quaternions(_numbers(path, said, ","), S_PER_NS, (5, 6, 7, 4))
+        return _from_quaternions(_numbers(path, said, ","), S_PER["ns"], (5, 6, 7, 4))
     return _from_csv(path)
 
 
@@ -172,8 +179,7 @@ def _numbers(path: Path, lines: list[str], delimiter: str | None) -> Array:
 
 def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, int]) -> pd.DataFrame:
     """Heading of the body's x axis over the plane of x and y; order: columns of qx, qy, qz, qw."""
-    x, y, z, w = rows[:, list(order)].T
-    heading = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)
+    heading = _heading(*rows[:, list(order)].T)
     return pd.DataFrame(
         {
             "time_s": seconds * rows[:, 0],
@@ -184,23 +190,30 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
     )
 
 
+def _heading(x: Array, y: Array, z: Array, w: Array) -> Array:
+    return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
+
+
 def _from_csv(path: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    if "time_s" not in table:
-        raise InputError(f"{path}: column time_s is missing; poses have time_s, x_mm, y_mm, heading_deg")
-    found = {"time_s": _column(path, table, "time_s")}
+    found: dict[str, Array] = {}
+    _take(path, table, "time", S_PER, "s", found)
     for name in ("x", "y", "x_sigma", "y_sigma"):
         _take(path, table, name, MM_PER, "mm", found)
     for name in ("heading", "heading_sigma"):
+        if name == "heading" and set(QUATERNION) <= set(table):
+            found["heading_deg"] = np.degrees(_heading(*(_column(path, table, part) for part in QUATERNION)))
+            continue
         _take(path, table, name, {unit: np.degrees(size) for unit, size in RAD_PER.items()}, "deg", found)
     _take(path, table, "xy_cov", {f"{unit}2": size**2 for unit, size in MM_PER.items()}, "mm2", found)
-    missing = [name for name in ("x_mm", "y_mm", "heading_deg") if name not in found]
+    missing = [name for name in ("time_s", "x_mm", "y_mm", "heading_deg") if name not in found]
     if missing:
         raise InputError(
-            f"{path}: column {', '.join(missing)} is missing; poses have time_s, x_mm, y_mm, heading_deg (or _m, _rad)"
+            f"{path}: column {', '.join(missing)} is missing; poses have time_s, x_mm, y_mm, heading_deg "
+            f"(or time_ns, x_m, heading_rad, qx, qy, qz, qw; found: {', '.join(map(str, table.columns))})"
         )
     return pd.DataFrame(found)
 
@@ -245,11 +258,10 @@ def scatter(time_s: Array, values: Array) -> float:
         return 0.0
     windows = np.lib.stride_tricks.sliding_window_view
     times, parts = windows(time_s, NEIGHBOURS), windows(values, NEIGHBOURS)
-    squares = []
-    for since, part in zip(times - times.mean(axis=1, keepdims=True), parts, strict=True):
-        design = np.column_stack([np.ones(NEIGHBOURS), since, since**2])
-        left = part - design @ np.linalg.lstsq(design, part, rcond=None)[0]
-        squares.append(float(left @ left))
+    since = times - times.mean(axis=1, keepdims=True)
+    basis = np.linalg.qr(np.stack([np.ones_like(since), since, since**2], axis=2))[0]
+    fitted = np.einsum("nik,nk->ni", basis, np.einsum("nik,ni->nk", basis, parts))
+    squares = np.sum((parts - fitted) ** 2, axis=1)
     return float(np.sqrt(np.median(squares) / MEDIAN_OF_CHI2[NEIGHBOURS - 3]))
 
 

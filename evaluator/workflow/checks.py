@@ -11,7 +11,6 @@ from typing import Any
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.runs.job import outside_recording
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 
@@ -36,7 +35,7 @@ def check_experiment(path: Path) -> Check:
         faults.append(str(error))
     faults += _faults_of_named_files(path)
     runs = experiment.run if experiment else ()
-    faults += [fault for run in runs for fault in _faults_of_bags(run)]
+    faults += [fault for run in runs for fault in _faults_of_topics(run)]
     faults += [fault for run in runs if (fault := _outside(run))]
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
@@ -67,15 +66,16 @@ def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:
             yield f"{run.id}: {run.video}: {of_another_size(found, expected)}"
 
 
-def _faults_of_bags(run: Run) -> Iterator[str]:
-    """Faults of recordings of ROS, which only the run with its topics can read."""
+def _faults_of_topics(run: Run) -> Iterator[str]:
+    """Faults of recordings of ROS and of logs of velocities, which only the run with its topics can read."""
     from evaluator.interchange.bags import is_bag
     from evaluator.interchange.poses import read_poses
 
     try:
         if run.poses is not None and is_bag(run.poses):
             read_poses(run.poses, run.topics)
-        if run.commands is not None and is_bag(run.commands):
+        log = run.commands
+        if log is not None and (is_bag(log) or not list(_commands(log.parent, log.name, log))):
             run.run_command()
     except InputError as error:
         yield str(error)
@@ -83,6 +83,7 @@ def _faults_of_bags(run: Run) -> Iterator[str]:
 
 def _outside(run: Run) -> str | None:
     """The fault of motors that start or stop outside the recording, as far as the file tells without decoding it."""
+    from evaluator.interchange.poses import read_poses
     from evaluator.interchange.tracks import program_of
     from evaluator.marks import read_marks
     from evaluator.recording import open_recording
@@ -90,13 +91,16 @@ def _outside(run: Run) -> str | None:
     try:
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
-            return outside_recording(run, run.run_command(), 0.0, last) if last is not None else None
+            return run.outside(run.run_command(), 0.0, last) if last is not None else None
         if run.marks is not None and program_of(run.marks) == "turnscope":
             time = read_marks(run.marks)["time_s"]
-            return outside_recording(run, run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))
+        elif run.poses is not None:
+            time = read_poses(run.poses, run.topics).table["time_s"]
+        else:
+            return None
+        return run.outside(run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))
     except (InputError, OSError):
         return None  # said of the file itself
-    return None
 
 
 def _faults_of_named_files(path: Path) -> Iterator[str]:
@@ -192,12 +196,13 @@ def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    from evaluator.interchange.bags import is_bag
+    from evaluator.interchange.bags import Topics, is_bag
     from evaluator.interchange.commands import from_log
 
     del experiment
-    if not is_bag(folder / name):
-        yield from _fault(from_log, folder / name)
+    if not is_bag(folder / name):  # whether its wheels are stated is a matter of the run with its topics
+        any_wheels = Topics(wheel_radius_m=1.0, track_m=1.0)
+        yield from _fault(lambda path: from_log(path, topics=any_wheels), folder / name)
 
 
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:

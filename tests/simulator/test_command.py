@@ -56,9 +56,36 @@ def test_rad_per_second_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "seq,time_ns,left_m_s,right_m_s\n7,2000000000,0.9,1.1\n",
+        "time_ms,left_mm_s,right_mm_s\n2000,900,1100\n",
+        "yaw_rate_rad_s,forward_m_s,time_us\n0.5,1,2000000\n",
+    ],
+)
+def test_speeds_of_wheels_and_velocities_are_read_with_the_wheels_of_the_controller(tmp_path: Path, text: str) -> None:
+    log = written(tmp_path, text)
+    command = Command.held(log, starts_at_rest=False, wheel_radius_m=0.1, track_m=0.4)
+    assert command.time_s.tolist() == [2.0]
+    assert command.left_rpm == pytest.approx(9.0 * 30 / math.pi)
+    assert command.right_rpm == pytest.approx(11.0 * 30 / math.pi)
+    with pytest.raises(SimulationError, match="needs wheel_radius_m"):
+        Command.held(log)
+
+
+def test_a_command_within_a_time_is_the_same_there_and_holds_its_ends(tmp_path: Path) -> None:
+    command = Command.held(written(tmp_path, LOG))
+    part = command.within(2.0, 5.0)
+    times = np.linspace(2.0, 5.0, 61)
+    assert np.array_equal(part.at(times), command.at(times))
+    assert [side.tolist() for side in part.at([-9.0, 99.0])] == [side.tolist() for side in command.at([2.0, 5.0])]
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("time_s,left_rpm\n0,1\n", "right_rpm is missing"),
+        ("t,v_left,v_right\n0,1,1\n", "time_s, left_rpm, right_rpm is missing.*found: t, v_left, v_right"),
         ("time_s,left_rpm,right_rpm\n0,1,x\n", "line 2"),
         ("time_s,left_rpm,right_rpm\n1,1,1\n0,2,2\n", "must not decrease"),
         ("time_s,left_rpm,left_rad_s,right_rpm\n0,1,1,1\n", "both left_rpm and left_rad_s"),

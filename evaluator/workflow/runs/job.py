@@ -13,7 +13,6 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
-from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.tracks import Tracks, program_of
 from evaluator.settings import MeasuredRobot, Run
 from evaluator.workflow.results.outputs import Outputs
@@ -38,10 +37,13 @@ class Job:
     out: Path
     simulate: bool
     order: int = 0  # of the run within its session, from 0
+    marks_only: bool = False  # of a diagnosis: its turning is not measured
 
     @property
     def stages(self) -> tuple[str, ...]:
         """Stages asked for, in their order."""
+        if self.marks_only:
+            return ("track",)
         return ("track", "turn", "simulate") if self.simulate else ("track", "turn")
 
     @property
@@ -114,7 +116,7 @@ class RunResult:
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
         """The result of a job from the values of its stages."""
         rows, simulated = (tuple(values.get(stage, {}).get("rows", ())) for stage in ("turn", "simulate"))
-        notes = tuple(_notes(job.run, values["track"], rows[0]))
+        notes = tuple(_notes(job.run, values["track"], rows[0] if rows else {}))
         return RunResult(job.run.id, rows, simulated, notes, reused=reused)
 
 
@@ -131,8 +133,8 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
     if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):
         yield (
             f"moves {turning['late_s']:.3f} s later than its command log (95 % from "
-            f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), motors "
-            "that wait, or a robot that comes up to speed slowly"
+            f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
+            "that wait"
         )
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:
@@ -140,25 +142,6 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
             f"ends at {last_s:.2f} s, before the motors are commanded off at {run.stop_s:g} s: "
             "is it cut off, or stop_s wrong?"
         )
-
-
-def outside_recording(run: Run, run_command: RunCommand, first_s: float, last_s: float) -> str | None:
-    """Say that the motors start after a recording from first_s to last_s, or stop before it; None where they do not."""
-    named = run.source.name
-    key = "commands: motors on at" if run_command.logged else "start_s ="
-    start_s = run.start_s if not run_command.logged else run_command.start_s
-    if start_s is not None and start_s >= last_s:
-        return (
-            f"run {run.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
-            "give the time in the recording at which the motors were commanded on"
-        )
-    key = "commands: motors off at" if run_command.logged else "stop_s ="
-    if run_command.stop_s is not None and run_command.stop_s <= first_s:
-        return (
-            f"run {run.id}: {key} {run_command.stop_s:g} s, but {named} begins at {first_s:.2f} s; "
-            "give the time in the recording at which the motors were commanded off"
-        )
-    return None
 
 
 def outdated_stages(job: Job) -> list[str]:

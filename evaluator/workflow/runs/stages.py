@@ -32,7 +32,7 @@ from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
-from evaluator.workflow.runs.job import Job, RunResult, outside_recording
+from evaluator.workflow.runs.job import Job, RunResult
 from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
 from evaluator.workflow.runs.thumbnails import WithThumbnails
 from simulator.robot import Robot
@@ -136,7 +136,7 @@ class _Stages:
         return [path, thumbnails], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
-        fault = outside_recording(self.run, self.run_command, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
+        fault = self.run.outside(self.run_command, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
             raise InputError(fault)
         count = len(self.job.robot.points_mm)  # the path of a single mark is measured, without a heading

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -116,13 +117,22 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
     np.savetxt(tmp_path / "tum.txt", tum, fmt="%.9f", header="timestamp x y z qx qy qz qw")
     euroc = np.column_stack([tum[:, 0] * 1e9, tum[:, 1:4], tum[:, 7], tum[:, 4:7], tum[:, 1:4]])
     np.savetxt(tmp_path / "euroc.csv", euroc, fmt="%.9f", delimiter=",", header="timestamp [ns],p_x [m]")
+    named = pd.DataFrame(tum[:, 3:], columns=["z", "qx", "qy", "qz", "qw"]).assign(x_m=tum[:, 1], y_m=tum[:, 2])
+    named.assign(time_ns=np.rint(1e9 * tum[:, 0]).astype(np.int64)).to_csv(tmp_path / "named.csv", index=False)
+    assert holds_poses(tmp_path / "named.csv")
     first = read_poses(tmp_path / "mm.csv").table
-    for name in ("m.csv", "tum.txt", "euroc.csv"):
+    for name in ("m.csv", "tum.txt", "euroc.csv", "named.csv"):
         other = read_poses(tmp_path / name)
         assert np.allclose(other.table["time_s"], first["time_s"], atol=1e-6)
         for column in ("x_mm", "y_mm", "heading_deg"):
             assert np.allclose(other.table[column], first[column], atol=2e-6)
         assert other.zero_s == (0.0 if name == "m.csv" else zero_s)
+
+
+def test_a_table_of_other_names_is_refused_with_the_names_that_are_there(tmp_path: Path) -> None:
+    (tmp_path / "r01.csv").write_text("t,x,y,yaw\n0,1,2,3\n")
+    with pytest.raises(InputError, match=r"column time_s, x_mm, y_mm, heading_deg is missing.*found: t, x, y, yaw"):
+        read_poses(tmp_path / "r01.csv")
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (0.4, -0.3), (-0.2, 0.7)])
@@ -213,3 +223,24 @@ def test_a_file_that_holds_no_poses_is_refused_with_its_fault(tmp_path: Path, te
     with pytest.raises(InputError, match=said):
         read_poses(tmp_path / "r01.csv")
     assert any(said in fault for fault in check_experiment(experiment(tmp_path)).faults)
+
+
+@pytest.mark.parametrize(
+    ("log_s", "said"),
+    [
+        (0.0, None),
+        (9.0, "its log of commands begins 8 s after r01.csv ends; do both count from one moment"),
+        (-1.7e9, "its log of commands ends 1.7e\\+09 s before r01.csv begins"),
+    ],
+)
+def test_a_log_by_another_clock_than_the_poses_is_said_to_be_one(
+    tmp_path: Path, log_s: float, said: str | None
+) -> None:
+    (tmp_path / "r01.csv").write_text("time_s,x_mm,y_mm,heading_deg\n0,1,2,3\n1,1,2,4\n")
+    (tmp_path / "c01.csv").write_text(f"time_s,left_rpm,right_rpm\n{log_s},1,2\n")
+    path = experiment(tmp_path, "starts_at_rest = false\n")
+    text = path.read_text().replace("left_rpm = 33.3\nright_rpm = 14.4\nstart_s = 0.5", 'commands = "c01.csv"')
+    path.write_text(text)
+    faults = check_experiment(path).faults
+    assert len(faults) == (said is not None)
+    assert said is None or re.search(said, faults[0])

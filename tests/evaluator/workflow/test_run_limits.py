@@ -16,7 +16,8 @@ from evaluator.errors import InputError
 from evaluator.recording import TimingReport
 from evaluator.recording.frame import Frame
 from evaluator.recording.video import Recording
-from evaluator.workflow.runs.job import _notes, outside_recording
+from evaluator.settings import Run
+from evaluator.workflow.runs.job import _notes
 from evaluator.workflow.runs.stages import _refuse_cut, _refuse_unseen
 from evaluator.workflow.turning_tables import Ruler, together
 from evaluator.workflow.viewing.cameras import light_of
@@ -70,7 +71,7 @@ def test_motors_start_before_the_end_of_a_recording_and_stop_after_its_beginning
     start: float | None, stop: float | None, fault: str
 ) -> None:
     told: Any = SimpleNamespace(logged=False, start_s=start, stop_s=stop)
-    found = outside_recording(run(start_s=start, stop_s=stop), told, 1.0, 5.0)
+    found = Run.outside(run(start_s=start, stop_s=stop), told, 1.0, 5.0)
     assert (found or "").startswith(f"run r01: {fault}" if fault else "")
     assert bool(found) == bool(fault)
 
