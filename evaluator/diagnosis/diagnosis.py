@@ -45,7 +45,7 @@ from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
-from evaluator.diagnosis.experiment import Session, held_out_runs, shortcomings
+from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.profile_likelihood import Profile, profiles_of
@@ -191,8 +191,13 @@ def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:
-    """The single run on which an effect depends, or without which the residuals are noise; None if there is none."""
+    """The run on which an effect, named or not, rests alone, or but for which the model leaves no more than noise.
+
+    On open ground there is none: an effect must predict several commands better, and what single runs leave is noise.
+    """
     if found.search is None or found.terms is None or found.verdict not in ("effect", "unknown"):
+        return None
+    if found.search.problem.open_ground:
         return None
     sole = sole_run(found.search, found.chosen, sum(map(is_free, found.terms)))
     if sole is not None:
@@ -242,7 +247,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         verdict=said.verdict,
         reason=said.reason,
         session=session,
-        held_out=held_out_runs(session.data),
+        held_out=tuple(run for run in range(len(session.data)) if run not in part.runs),
         problem=part.problem,
         search=everything,
         fit_search=part,

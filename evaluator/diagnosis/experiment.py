@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.store import load_camera
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
+from evaluator.diagnosis.long_sessions import NOT_NEEDED, needed_runs, pieces_of
 from evaluator.diagnosis.mistakes.handling import between_hands
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
@@ -85,6 +87,16 @@ def without_mistakes(session: Session) -> Session:
     return replace(session, data=data, robots=robots, mistakes=tuple(found))
 
 
+def needed_of(session: Session) -> Session:
+    """The session with no more runs than a diagnosis needs: of hundreds on open ground those of some dozen commands."""
+    if not any(map(is_full_size, session.robots)):
+        return session
+    keep = needed_runs(session.data)
+    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
+    left_out = {run.id: NOT_NEEDED for number, run in enumerate(session.data) if number not in keep}
+    return replace(session, data=data, robots=robots, left_out=left_out)
+
+
 def with_knowledge(session: Session, known: KnownTo) -> Session:
     """The session with quantities known to a tolerance as parameters."""
     if not session.data:
@@ -154,13 +166,21 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     placed = [None if seen or run.from_poses else run.marks_mm for seen, run in zip(sightings, data, strict=True)]
     errors = zip(shared_errors(sightings), plane_errors(placed, experiment.known_to.plane_scale), strict=True)
     shared = tuple(replace(run, systematic=seen | plane) for run, (seen, plane) in zip(data, errors, strict=True))
-    session = without_mistakes(Session(shared, tuple(used), skipped, relevant=experiment.relevant))
+    pieces = [
+        (piece, robot)
+        for run, robot in zip(shared, used, strict=True)
+        for piece in (pieces_of(run, FEWEST_POSES) if run.from_poses and is_full_size(robot) else (run,))
+    ]
+    runs, owners = tuple(piece for piece, _ in pieces), tuple(robot for _, robot in pieces)
+    session = without_mistakes(needed_of(Session(runs, owners, skipped, relevant=experiment.relevant)))
     return with_knowledge(session, experiment.known_to)
 
 
 def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:
-    """One run with its commands. Raises InputError for a log that cannot be read."""
+    """One run with its commands. Raises InputError for a log that cannot be read or is of another time."""
     command, first, last = run.run_command(), float(time_s[0]), float(time_s[-1])
+    if fault := run.outside(command, first, last):
+        raise InputError(fault)
     left, right = command.main(first, last)
     start_s = first
     if command.starts_at_rest:
@@ -199,52 +219,3 @@ def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = No
     if moving and len(commands) < FEWEST_COMMANDS:
         reasons.append(f"all runs have the same command, {moving[0].left_rpm:g} / {moving[0].right_rpm:g} rpm")
     return reasons
-
-
-def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
-    """Indices of the runs of every command, in the order of the experiment."""
-    groups: dict[tuple[float, float], list[int]] = {}
-    for number, run in enumerate(data):
-        groups.setdefault(run.command, []).append(number)
-    return groups
-
-
-def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Runs to hold out: about a sixth, chosen by their commands before any fit.
-
-    First all runs of one command (a speed, side or direction that is then not fitted), if others cover its direction;
-    then single repeats of other commands, spread over the session.
-    """
-    wanted = len(data) // 6 if len(data) >= 6 else 0
-    if not wanted:
-        return ()
-    groups = runs_by_command(data)
-    chosen: list[int] = []
-    whole = [
-        (len(runs), -abs(command[0]) - abs(command[1]), command)
-        for command, runs in groups.items()
-        if len(runs) <= wanted and len(groups) > 3 and _others_alike(command, groups)
-    ]
-    if whole:
-        chosen += groups.pop(min(whole)[2])
-    spread = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
-    for _, runs in spread:
-        if len(chosen) >= wanted:
-            break
-        if len(runs) > 1:
-            chosen.append(runs[len(runs) // 2])
-    for number in range(len(data) // 3, len(data)):  # no repeats: take single runs from the middle on
-        if len(chosen) >= wanted:
-            break
-        if number not in chosen:
-            chosen.append(number)
-    return tuple(sorted(chosen))
-
-
-def _others_alike(command: tuple[float, float], groups: Mapping[tuple[float, float], Sequence[int]]) -> bool:
-    """Whether another command drives in the same direction and turns to the same side."""
-
-    def kind(item: tuple[float, float]) -> tuple[bool, int]:
-        return item[0] + item[1] > 0, int(np.sign(item[0] - item[1]))
-
-    return any(other != command and kind(other) == kind(command) for other in groups)

@@ -6,31 +6,26 @@ beside it though it explains nothing any more; and the noise, which is made of l
 sets grow from the model without effects by whatever promises most, the noise is estimated anew after every size, and
 the best set is challenged from within: every effect of it is taken out and everything is tried in its place.
 
-A search takes as long as it has runs. Of a long session it sees runs of commands far apart from one another, and what
-leads there is fitted to all runs, which decide.
+A search takes as long as it has runs. Of a long session it sees runs of commands far apart from one another; what leads
+there is fitted to the runs of more commands, which decide; all others are held out.
 Source: floating search, which takes back what it has added: Pudil, Novovičová & Kittler (1994), Pattern Recognition
 Letters 15, 1119.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from evaluator.diagnosis.assessment.model_comparison import Set, is_free, score
 from evaluator.diagnosis.assessment.verdict import carries_over
-from evaluator.diagnosis.experiment import runs_by_command
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.search import MOST_STEPS, RIVALS_KEPT, Search, fit_set
 from evaluator.diagnosis.inference.settled_noise import settled_noise
 from evaluator.diagnosis.inference.strategy import ADDITIONS_REFITTED, BEAM, SINGLES_REFITTED, extend
-from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.long_sessions import deciding_runs, searched_runs
 from evaluator.diagnosis.search_runs import Prepared, fitted_runs
 from evaluator.progress import Progress
 
-SEARCHED = 36  # runs of a session that a search sees; of a long one at least so many
 ROUNDS = 3  # of noise after the sets have grown; in eight subsets of two robots' recordings it settled after one or two
 NAMED_KEPT = 2  # of the sets that lead, at least so many without a form: what a form must be better than
 EXCHANGES = 3  # sets in a row that gave way to a better one
@@ -39,11 +34,13 @@ GROWN = ((1, SINGLES_REFITTED), *((count, ADDITIONS_REFITTED) for count in BEAM)
 
 
 def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Search]:
-    """Searches without the runs held out and of all: of the first only the model without effects is fitted."""
-    families = len(ready.free)
-    every = tuple(range(len(ready.problem.data)))
-    searched = apart(ready.problem.data, SEARCHED)
-    whole = Search(ready.problem, ready.terms, ready.tolerance, searched, asked=ready.own)
+    """Searches without the runs held out, and of all that decide; for a long session the same.
+
+    Of the first, where it is another, only the model without effects is fitted.
+    """
+    families, data = len(ready.free), ready.problem.data
+    deciding = deciding_runs(data)
+    whole = Search(ready.problem, ready.terms, ready.tolerance, searched_runs(data), asked=ready.own)
     whole.fits[frozenset()] = fit_model(whole.problem, ready.start, [], whole.tolerance, whole.runs)
     for size, (count, additions) in enumerate(GROWN):
         progress(f"{size + 1} effects", 0.1 + 0.2 * size)
@@ -56,30 +53,15 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
         if settled is None:
             break
         whole = settled
-    if searched != every:
-        progress("all runs", 0.9)
-        whole = _under(whole, families, runs=every)
-    part = whole.anew(runs=fitted_runs(whole.problem.data))
+    if whole.runs != deciding:
+        progress("more commands", 0.9)
+        whole = _under(whole, families, runs=deciding)
+        _against_each(whole, families)
+    if len(deciding) < len(data):
+        return whole, whole
+    part = whole.anew(runs=fitted_runs(data))
     part.fits[frozenset()] = fit_model(part.problem, whole.null.point, [], part.tolerance, part.runs)
     return part, whole
-
-
-def apart(data: Sequence[RunData], count: int) -> tuple[int, ...]:
-    """Numbers of at least so many runs, all of each command, of commands as far apart from one another as can be.
-
-    Each further command is that farthest from all before, from the fastest on; all runs where there are no more.
-    Source: Kennard & Stone (1969), Technometrics 11, 137.
-    """
-    groups = list(runs_by_command(data).items())
-    commands = np.array([command for command, _ in groups])
-    nearest = np.full(len(groups), np.inf)
-    at, chosen = int(np.argmax(np.hypot(*commands.T))), list[int]()
-    while True:
-        chosen += groups[at][1]
-        if len(chosen) >= min(count, len(data)):
-            return tuple(sorted(chosen))
-        nearest = np.minimum(nearest, np.hypot(*(commands - commands[at]).T))
-        at = int(np.argmax(nearest))
 
 
 def grow(search: Search, families: int, size: int, count: int, additions: int) -> None:
@@ -105,6 +87,14 @@ def exchange(search: Search, families: int) -> None:
             _extend_once(search, best)
         if _ranked(search, families)[0] == best:
             break
+
+
+def _against_each(search: Search, families: int) -> None:
+    """Fit what the leading sets stand against: each without one of its effects."""
+    _afford(search)
+    for ids in _ranked(search, families)[:NAMED_KEPT]:
+        for effect in sorted(ids):
+            fit_set(search, ids - {effect}, {}, search.fits[ids])
 
 
 def _extend_once(search: Search, ids: Set, additions: int = ADDITIONS_REFITTED) -> None:
@@ -143,9 +133,10 @@ def _under(search: Search, families: int, **changes: Any) -> Search:
     """What leads a search, and the model without effects, fitted anew under another noise or to other runs."""
     found = search.anew(**changes)
     found.fits[frozenset()] = fit_model(found.problem, search.null.point, [], found.tolerance, found.runs)
-    ranked = _ranked(search, families)
-    named = [ids for ids in ranked if not any(map(is_free, ids))]
-    for ids in dict.fromkeys([*ranked[:RIVALS_KEPT], *named[:NAMED_KEPT]]):
+    by_odds = sorted(search.fits, key=lambda ids: -score(search, ids, families))
+    ranked = [*_ranked(search, families)[:RIVALS_KEPT], *by_odds[:NAMED_KEPT]]
+    named = [ids for ids in _ranked(search, families) if not any(map(is_free, ids))]
+    for ids in dict.fromkeys([*ranked, *named[:NAMED_KEPT]]):
         if ids:
             fit_set(found, ids, {}, search.fits[ids])
     return found

@@ -21,7 +21,8 @@ from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named
 from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
 from evaluator.diagnosis.candidates.equivalent_terms import included_named_effects, is_included_in
 from evaluator.diagnosis.candidates.free_form import free_terms
-from evaluator.diagnosis.experiment import Session, held_out_runs
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen

@@ -102,7 +102,7 @@ def analyze(
     inputs = input_files(described)
     as_found |= AsFound.of(inputs)
     jobs = jobs_of(described, outputs, simulate=simulate)
-    results = _results(jobs, workers, dask, progress)
+    results = results_of(jobs, workers, dask, progress)
     faults = {run.id: fault for run in described.run if (fault := results[run.id].fault)}
     if len(faults) == len(jobs):
         raise InputError(_nothing_left(faults))
@@ -147,8 +147,10 @@ def _text_of(path: Path) -> str:
     return path.read_text(encoding="utf-8")
 
 
-def _results(jobs: Sequence[Job], workers: int | None, dask: str | None, progress: Progress) -> dict[str, RunResult]:
-    """The result of every run by its id: known, or computed now."""
+def results_of(
+    jobs: Sequence[Job], workers: int | None = None, dask: str | None = None, progress: Progress = no_progress
+) -> dict[str, RunResult]:
+    """The result of every run by its id: known, or computed now; see `analyze`, which makes tables of them."""
     results = {job.run.id: result for job in jobs if (result := known_result(job))}
     todo = [job for job in jobs if job.run.id not in results]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.experiment import runs_by_command
+from evaluator.diagnosis.held_out import runs_by_command
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter
 from evaluator.diagnosis.likelihood.run_data import RunData

@@ -135,23 +135,24 @@ def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
     return Together(float(np.sum(preferred**2 / told[counts])), int(counts.sum()), furthest)
 
 
+def far(fit: Fit, tolerance: Mapping[str, float]) -> frozenset[str]:
+    """Values known to a tolerance that a fit moves beyond FINDING_SIGMAS of it."""
+    nominal = [column for column in fit.columns if column.term is None]
+    return frozenset(
+        column.key for column in nominal if abs(fit.point.value(column)) > FINDING_SIGMAS * tolerance[column.key]
+    )
+
+
 def strained(fit: Fit, without: Fit, tolerance: Mapping[str, float], *, on_ground: bool = False) -> frozenset[str]:
     """Values known to a tolerance that a fit moves beyond FINDING_SIGMAS of it, and the fit without effects does not.
 
     The start of motion does not count: hands that start a camera are as late as they like. Nor is the fit without
     effects an excuse, on open ground, for what ends at its bound: there it explains nothing, and goes anywhere.
     """
-
-    def far(of: Fit) -> frozenset[str]:
-        nominal = [column for column in of.columns if column.term is None and column.key != START]
-        return frozenset(
-            column.key for column in nominal if abs(of.point.value(column)) > FINDING_SIGMAS * tolerance[column.key]
-        )
-
     ended: frozenset[str] = frozenset()
     if on_ground:
         low, high = bounds(fit.columns, tolerance)
         values = np.array([fit.point.value(column) for column in fit.columns])
         at_end = np.minimum(values - low, high - values) <= AT_END * (high - low)
         ended = frozenset(column.key for column, end in zip(fit.columns, at_end, strict=True) if end)
-    return far(fit) - (far(without) - ended)
+    return far(fit, tolerance) - (far(without, tolerance) - ended) - {START}

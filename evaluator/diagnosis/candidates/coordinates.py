@@ -27,6 +27,11 @@ def size_of(robot: Robot) -> Size:
     return Size(float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) / USUAL_DISTANCE_MM, load_mN / USUAL_LOAD_MN)
 
 
+def is_full_size(robot: Robot) -> bool:
+    """Whether a robot is larger than one of a plate, and drives on open ground."""
+    return size_of(robot) != PAPER_SIZE
+
+
 def named_terms(
     reach_mm: float,
     command_levels_rpm: tuple[float, ...],

@@ -288,6 +288,7 @@ def _ahead(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> Ah
 
 
 def _with_shortfall(fit: Fit, predicted: float) -> Fit:
+    predicted = max(predicted, 0.0)  # beside a bound where a law ends, rounding has promised an increase of thousands
     less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - predicted / 2)
     return replace(fit, posterior=less, shortfall=predicted)
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import size_of
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
 from evaluator.diagnosis.likelihood.feature_cache import Paths
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
@@ -23,7 +23,6 @@ from evaluator.diagnosis.likelihood.run_data import START_POSE, Floats, RunData,
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
 from simulator.dynamics.record import model_type
 from simulator.effects.coordinates import Candidate
-from simulator.effects.parameter import PAPER_SIZE
 from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
@@ -57,7 +56,8 @@ class Simulated:
         self.known = dict(known or {})
         self.start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
-        self._mark_keys = [mark_keys(robot) for robot in self.robots]
+        keys = {id(robot): mark_keys(robot) for robot in {id(robot): robot for robot in self.robots}.values()}
+        self._mark_keys = [keys[id(robot)] for robot in self.robots]
         self._data = tuple(data)
         self._errors = [SharedErrors(run, self.known) for run in data]
         self._terms = {UNEVEN_FRICTION.id: UNEVEN_FRICTION, **terms}
@@ -66,7 +66,7 @@ class Simulated:
         self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
-        on_ground = any(size_of(robot) != PAPER_SIZE for robot in self.robots)
+        on_ground = any(map(is_full_size, self.robots))
         self._tolerance_mm = GROUND_TOLERANCE_MM if on_ground else TOLERANCE_MM
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:

@@ -84,7 +84,7 @@ class Variants:
         self.slots = room_for(tuple(robots))
         self._robots, self._terms, self._known = tuple(robots), terms, known
         self._kinds = [self._robots.index(robot) for robot in self._robots]  # equal robots have equal variants
-        self._places = {kind: reference_places(self._robots[kind]) for kind in self._kinds}  # of the file
+        self._places = {kind: reference_places(self._robots[kind]) for kind in set(self._kinds)}  # of the file
         self._found: dict[tuple[object, ...], Variant] = {}
         self._asked: dict[tuple[int, int, int], _Asked] = {}
         self._records: dict[bytes, NDArray[np.int64]] = {}

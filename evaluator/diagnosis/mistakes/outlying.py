@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evaluator.diagnosis.candidates.coordinates import size_of
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.hypotheses import REMEDIES, kin, reading_of
 from evaluator.diagnosis.mistakes.recognised import Mistake
-from simulator.effects.parameter import PAPER_SIZE
 from simulator.robot import Robot
 
 # Ratio of speeds of neighbouring runs. A run that is a quarter faster or slower has at least 64 % of the evidence for
@@ -59,7 +58,7 @@ def outlying_run(
     ground by chance. gains: relative excess of its wheel speeds, if only these disagree.
     """
     alone = f"{run.id} disagrees with the robot that the other {len(others)} runs determine"
-    on_ground = size_of(robot) != PAPER_SIZE
+    on_ground = is_full_size(robot)
     reading = None if on_ground else reading_of(run, others, robot)
     if reading is None and gains is not None and run.log is None and not on_ground:
         return _of_other_speeds(run, alone, gains)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from evaluator.diagnosis.candidates.coordinates import size_of
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
-from simulator.effects.parameter import PAPER_SIZE
 from simulator.robot import Robot
 
 
@@ -32,10 +31,12 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     logs = {run.id for run in data if run.log is not None}
     if logs:  # a log that is not this run's puts its phases elsewhere, where they look like pushes
         found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]
-    found += _of_the_rest(disturbed_runs, data, robots, found)
-    found += _of_the_rest(misread_runs, *read, found)
+    disturbed = _of_the_rest(disturbed_runs, data, robots, found)
+    found += disturbed
+    if disturbed or len(logs) < len(data):  # else the same was asked of the same runs
+        found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
-    if any(size_of(robot) != PAPER_SIZE for robot in robots):
+    if any(map(is_full_size, robots)):
         kinds = [item.kind for item in found]
         found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]
     return mistakes_of(found, len(data), {"sides-swapped": turning})

@@ -87,14 +87,25 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot distinguish it from: {', or '.join(named)}."
 
 
+MOST_NAMED = 6  # runs left out for one reason
 REPORTED_LOG_ODDS = math.log(20.0)  # a rival with less probability against it than 5 % is reported
 
 
 def left_out_sentence(content: Json) -> str:
     """Runs that the diagnosis does not use, with reasons; empty if it uses all."""
     why = (content.get("skipped_runs") or {}) | (content.get("left_out_runs") or {})
-    runs = "; ".join(f"{run} ({in_words(reason)})" for run, reason in why.items())
+    of_reason: dict[str, list[str]] = {}
+    for run, reason in why.items():
+        of_reason.setdefault(reason, []).append(run)
+    runs = "; ".join(f"{_some(named)} ({in_words(reason)})" for reason, named in of_reason.items())
     return f"Left out of the diagnosis: {runs}." if runs else ""
+
+
+def _some(runs: Sequence[str]) -> str:
+    """Runs by name; of many the first, and how many others."""
+    if len(runs) <= MOST_NAMED:
+        return ", ".join(runs)
+    return f"{', '.join(runs[: MOST_NAMED - 1])} and {len(runs) - MOST_NAMED + 1} others"
 
 
 def unlike_sentences(content: Json) -> list[str]:

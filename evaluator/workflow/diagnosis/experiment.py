@@ -24,7 +24,7 @@ from evaluator.files.csv_tables import write_table
 from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.analysis import analyze, input_files, jobs_of
+from evaluator.workflow.analysis import input_files, jobs_of, results_of
 from evaluator.workflow.diagnosis.validity import (
     is_current,
     keep,
@@ -189,20 +189,11 @@ def _session(
     faults: dict[str, str] = {}
     cameras: dict[str, Path] = {}
     if len(marks) < len(experiment.run):
-        analysis = analyze(
-            path,
-            outputs.folder,
-            workers=workers,
-            dask=dask,
-            progress=lambda _, done, total=1.0: progress("tracking", done, total),
-        )
-        faults = dict(analysis.faults)
-        marks |= {
-            run.id: analysis.outputs.marks(run.id)
-            for run in experiment.run
-            if run.id not in marks and run.id not in faults
-        }
-        placed = {job.run.id: job.camera for job in jobs_of(experiment, outputs, simulate=False)}
+        jobs = [replace(job, marks_only=True) for job in jobs_of(experiment, outputs, simulate=False)]
+        results = results_of(jobs, workers, dask, lambda _, done, total=1.0: progress("tracking", done, total))
+        faults = {run: fault for run, result in results.items() if (fault := result.fault)}
+        marks |= {run: outputs.marks(run) for run in results if run not in marks and run not in faults}
+        placed = {job.run.id: job.camera for job in jobs}
         cameras = {run: camera for run, camera in placed.items() if run in marks and camera is not None}
     session = session_of(experiment, marks, cameras)
     skipped = {**session.skipped, **faults}

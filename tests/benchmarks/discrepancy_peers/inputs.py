@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from evaluator.comparison import start_pose
 from evaluator.diagnosis.candidates.coordinates import named_terms
-from evaluator.diagnosis.experiment import Session, held_out_runs, session_of
+from evaluator.diagnosis.experiment import Session, session_of
+from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.problem import Point, Problem

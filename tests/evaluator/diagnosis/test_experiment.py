@@ -9,7 +9,8 @@ import pandas as pd
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
-from evaluator.diagnosis.experiment import FEWEST_POSES, held_out_runs, shortcomings
+from evaluator.diagnosis.experiment import FEWEST_POSES, shortcomings
+from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.likelihood.features import compression
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.run_data import START_POSE, RunData, Task

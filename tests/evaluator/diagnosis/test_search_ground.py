@@ -10,8 +10,7 @@ import pytest
 
 from evaluator.diagnosis import search_ground
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.search_ground import apart, exchange, grow
-from tests.evaluator.diagnosis.synthetic import run_data
+from evaluator.diagnosis.search_ground import exchange, grow
 
 FORM = "free:mixed"
 NAMES = ("lag", "proxy", "other", FORM)
@@ -95,15 +94,9 @@ def test_a_set_with_an_effect_that_harms_as_many_commands_as_it_helps_leads_noth
     assert search_ground._ranked(search, 95)[:3] == [{"lag", FORM}, {FORM}, {"lag"}]
 
 
-def test_of_a_long_session_all_runs_of_commands_far_apart_are_searched_and_what_leads_is_fitted_to_all(
+def test_what_leads_goes_on_under_another_noise_and_a_set_without_a_form_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """On a line from 0 to 8 the fastest first, then the slowest, then the middle one."""
-    data = [run_data(float(level), float(level), number) for number, level in enumerate((0, 1, 4, 8, 8, 7, 0))]
-    assert apart(data, 2) == (3, 4)
-    assert apart(data, 3) == (0, 3, 4, 6)
-    assert apart(data, 5) == (0, 2, 3, 4, 6)
-    assert apart(data, 7) == apart(data, 99) == tuple(range(7))
     search, _ = search_of(monkeypatch)
     for ids in EVIDENCE:
         search.fits[ids] = fit_of(ids)

@@ -1,0 +1,60 @@
+"""Of long sessions: pieces of long recordings, and the runs that a diagnosis needs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.long_sessions import LONGEST_S, apart, deciding_runs, needed_runs, pieces_of, searched_runs
+from evaluator.interchange.commands import RunCommand
+from simulator.command import Command
+from tests.evaluator.diagnosis.synthetic import run_data
+
+
+def driven(changes_s: tuple[float, ...], seconds: float) -> RunData:
+    """A run of a robot whose left command grows by 1 rpm at every change, at 10 poses a second from 100 s on."""
+    time = 100 + np.arange(0, seconds, 0.1)
+    log = RunCommand(Command.steps([(100 + at, 1.0 + k, 5.0) for k, at in enumerate(changes_s)]), logged=True)
+    return RunData("r", 1.0, 5.0, 100.0, None, time, np.column_stack([time] * 4), 0, log=log, from_poses=True)
+
+
+def test_a_long_recording_is_cut_at_changes_of_command_and_every_few_seconds_elsewhere() -> None:
+    pieces = pieces_of(driven((0.0, 2.5, 9.2, 12.8), 20.05), fewest=6)
+    starts = [piece.time_s[0] - 100 for piece in pieces]
+    assert starts == pytest.approx([0, 2.5, 5.5, 9.2, 12.8, 15.8])
+    assert np.array_equal(np.concatenate([piece.time_s for piece in pieces]), driven((0.0,), 20.05).time_s)
+    assert [piece.id for piece in pieces[:2]] == ["r@100.0s", "r@102.5s"]
+    assert [piece.left_rpm for piece in pieces] == [1, 2, 2, 3, 4, 4]
+    assert [piece.run_command.starts_at_rest for piece in pieces] == [True] + 5 * [False]
+    # motors are told what they were told before the piece: those that follow late know it
+    assert pieces[3].run_command.command.at(np.array([107.0, 109.1, 109.3]))[0].tolist() == [2, 2, 3]
+
+
+def test_a_short_recording_stays_whole_and_pieces_without_poses_are_none() -> None:
+    short = driven((0.0,), LONGEST_S)
+    assert pieces_of(short, fewest=6) == (short,)
+    hidden = driven((0.0,), 20.05)
+    hidden.marks_mm[25:62] = np.nan  # all of the second piece, and the edges of its neighbours
+    assert [piece.time_s[0] - 100 for piece in pieces_of(hidden, fewest=6)] == pytest.approx([0, 6.2, 9, 12, 15])
+
+
+def test_of_a_long_session_all_runs_of_commands_far_apart_are_taken() -> None:
+    """On a line from 0 to 8 the fastest first, then the slowest, then the middle one."""
+    data = [run_data(float(level), float(level), number) for number, level in enumerate((0, 1, 4, 8, 8, 7, 0))]
+    assert apart(data, 1, 2) == (3, 4)
+    assert apart(data, 1, 3) == apart(data, 2, 1) == (0, 3, 4, 6)
+    assert apart(data, 1, 5) == apart(data, 3, 3) == (0, 2, 3, 4, 6)
+    assert apart(data, 1, 7) == apart(data, 99, 1) == apart(data, 1, 99) == tuple(range(7))
+
+
+def test_of_hundreds_of_runs_some_dozens_decide_and_as_many_are_held_out() -> None:
+    data = [run_data(float(k % 100), float(k % 7), k) for k in range(300)]
+    deciding, needed = deciding_runs(data), needed_runs(data)
+    assert set(searched_runs(data)) <= set(deciding) < set(needed)
+    assert len(needed) == 2 * len(deciding) < 120
+    assert len({data[k].command for k in deciding}) == 36  # one run to a command
+    kept = [data[k] for k in needed]
+    assert [kept[k].id for k in deciding_runs(kept)] == [data[k].id for k in deciding]  # the same again
+    few = data[:38]
+    assert deciding_runs(few) == needed_runs(few) == tuple(range(38))
