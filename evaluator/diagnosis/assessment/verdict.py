@@ -20,6 +20,7 @@ from evaluator.diagnosis.assessment.knowledge import ALIKE, far, strained, toget
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 from evaluator.diagnosis.likelihood.known_to import START
+from evaluator.wording import counted
 
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 
@@ -185,8 +186,9 @@ def decide(
     if search.problem.open_ground and not named:
         better = next((ids for ids in table.sets if ids and has_the_odds(search, table, families, ids)), None)
         if better is not None:
-            what = " with ".join("a free-form term" if is_free(effect) else effect for effect in sorted(better))
-            reason = f"{what} explains the runs better, but predicts held-out commands no better than chance"
+            forms = len(better) - len(named_of(better))
+            what = " and ".join([*sorted(named_of(better)), *([counted(forms, "free-form term")] if forms else [])])
+            reason = f"a model with {what} fits better, but predicts held-out commands no better than chance"
             return named, "insufficient", f"{reason}: runs of more commands are needed"
     if named:
         return named, "effect", "each effect is significant by itself, and no free-form term explains more"

@@ -144,7 +144,7 @@ def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_
     assert best_named(search, table, 95) == NONE
     found = decide(search, table, 95, NONE, 9.0)
     assert found[:2] == (NONE, "insufficient")
-    assert "a with b explains the runs better" in found[2]
+    assert "a model with a and b fits better" in found[2]
 
 
 @pytest.mark.parametrize(("free", "answer"), [(0.5, "unknown"), (-0.5, "none")])
