@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
+from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy, step_in_speed
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
@@ -53,7 +53,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         reason = f"the effects found ({', '.join(sorted(chosen))}) are below the limits of relevance"
     left = adequacy(search.fits[chosen], session.data)
     constant = constancy(search.fits[named], session.data, search.tolerance)
-    reserve = "" if verdict == "unknown" else doubts(left, constant)
+    reserve = ""
+    if verdict != "unknown":
+        reserve = doubts(left, constant) or step_in_speed(search.fits[chosen], left, session.data)
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
         reason = f"{reason}; {reserve}"  # ground leaves more than any model says
     elif reserve:

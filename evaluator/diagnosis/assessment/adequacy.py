@@ -7,6 +7,7 @@ of the runs, friction and gains, must be random: they must not depend on anythin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,9 @@ FEWEST_FREEDOM = 6  # degrees of freedom below which an F test has little power
 # Share of the variance of a friction or gain that a run must determine; a straight run does not determine friction.
 LEAST_TOLD = 0.01
 UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
+DRIFT = "speed-drift"
+FEWEST_BESIDE_STEP = 2  # runs on either side: one that is unlike the others is a matter of that run
+STEP_ODDS = math.log(20.0)  # of a step against a drift, to say so
 
 
 @dataclass(frozen=True)
@@ -181,3 +185,63 @@ def _known(data: Sequence[RunData]) -> dict[str, Floats]:
 
 def _mean_place(marks_mm: Floats) -> Floats:
     return np.asarray(np.nanmean(marks_mm, axis=0))
+
+
+def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:
+    """Between which runs the speed steps, in words; empty where it drifts, or where the runs do not tell.
+
+    A drift comes near to a step (another day, another battery) as well, and what it leaves passes for scatter between
+    runs. So the speeds of the runs are asked which of the two they follow. left: what the fit leaves over. data: all
+    runs of the session.
+    """
+    if DRIFT not in fit.terms:
+        return ""
+    share = left.told[:, 1:3].sum(axis=1)
+    seen = share > 2 * LEAST_TOLD
+    order = np.array([data[run].order for run in fit.runs], dtype=np.float64)
+    # of the run's own gains a share is seen, drawn towards nought by the rest
+    gain = left.random_effects[:, 1:3].sum(axis=1) / np.maximum(share, LEAST_TOLD)
+    speed = gain + fit.point.terms[DRIFT][0] * order
+    runs = [data[run] for run, is_seen in zip(fit.runs, seen, strict=True) if is_seen]
+    found = step_over_line(order[seen], speed[seen], np.sqrt(share[seen]))
+    if found is None or found[2] < STEP_ODDS:
+        return ""
+    last, size, _ = found
+    between = f"{runs[last].id} and {runs[last + 1].id}"
+    return (
+        f"the speed changes by {100 * size:.2g} % between {between}, once, and does not drift from run to run: "
+        f"what was changed there (battery, day)? Diagnose the runs before and after apart"
+    )
+
+
+def step_over_line(order: Floats, values: Floats, weights: Floats) -> tuple[int, float, float] | None:
+    """Best step in values (n,) of runs in ascending order (n,): number of the last run before it, size, log odds.
+
+    The odds are against a line, with Laplacian errors of sizes 1/weights (n,), one scale for all: a run that is unlike
+    the others decides nothing. None for too few runs.
+    """
+    breaks = range(FEWEST_BESIDE_STEP, len(values) - FEWEST_BESIDE_STEP + 1)
+    if len(breaks) < FEWEST_BESIDE_STEP:
+        return None
+    steps = [_level(values[:k], weights[:k])[1] + _level(values[k:], weights[k:])[1] for k in breaks]
+    best = int(np.argmin(steps))
+    k = breaks[best]
+    line = _least_line(order, values, weights)
+    odds = len(values) * math.log(max(line, 1e-300) / max(steps[best], 1e-300)) - math.log(len(breaks))
+    return k - 1, _level(values[k:], weights[k:])[0] - _level(values[:k], weights[:k])[0], odds
+
+
+def _level(values: Floats, weights: Floats) -> tuple[float, float]:
+    """The level of least absolute deviations, a weighted median, and these deviations."""
+    loss = np.abs(values[:, None] - values) @ weights
+    return float(values[np.argmin(loss)]), float(loss.min())
+
+
+def _least_line(order: Floats, values: Floats, weights: Floats) -> float:
+    """The least absolute deviations from a line: one of those through two points (Bloomfield & Steiger 1983)."""
+    first, second = np.triu_indices(len(values), 1)
+    apart = order[second] - order[first]
+    first, second, apart = first[apart > 0], second[apart > 0], apart[apart > 0]
+    slope = (values[second] - values[first]) / apart
+    off = values - values[first][:, None] - slope[:, None] * (order - order[first][:, None])
+    return float((np.abs(off) @ weights).min())

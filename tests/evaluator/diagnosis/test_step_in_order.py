@@ -1,0 +1,63 @@
+"""A speed that changes once between two runs is no drift from run to run."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.assessment.adequacy import DRIFT, step_in_speed, step_over_line
+
+ORDER = np.arange(16.0)
+# Speeds of 16 runs of a laboratory's simulation, percent, a hundredth slower from the ninth on; the seventh is unlike.
+TWO_DAYS = np.array(
+    [-0.10, -0.12, -0.07, -0.10, -0.32, -0.12, -0.94, -0.04, -1.12, -1.34, -1.44, -0.78, -1.16, -1.22, -1.18, -1.40]
+)
+
+
+def said(speed: np.ndarray, per_run: float) -> str:
+    """The answer where a drift was fitted and each run's own gains hold the rest, of which half is seen."""
+    gains = 0.5 * (speed - per_run * ORDER)
+    left: Any = SimpleNamespace(
+        told=np.full((16, 4), 0.5), random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains])
+    )
+    point = SimpleNamespace(terms={DRIFT: (per_run,)})
+    fit: Any = SimpleNamespace(terms=frozenset([DRIFT]), point=point, runs=tuple(range(16)))
+    data: Any = [SimpleNamespace(id=f"r{run + 1}", order=run) for run in range(16)]
+    return step_in_speed(fit, left, data)
+
+
+def test_step_is_told_with_its_place_and_size() -> None:
+    assert said(0.01 * TWO_DAYS, -0.001).startswith("the speed changes by -1.1 % between r8 and r9, once")
+
+
+def test_drift_is_no_step() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.001, 16)
+    assert said(noise - 0.0015 * ORDER, -0.0015) == ""
+
+
+def test_without_a_drift_nothing_is_asked() -> None:
+    fit: Any = SimpleNamespace(terms=frozenset(["plate-tilt"]))
+    assert step_in_speed(fit, None, []) == ""  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("after", "size"), [(8, -1.0), (3, 0.5), (14, 2.0)])
+def test_best_step_is_exact_without_noise(after: int, size: float) -> None:
+    last, found, odds = step_over_line(ORDER, size * (after <= ORDER), np.ones(16)) or (0, 0.0, 0.0)
+    assert (last, found) == (after - 1, size)
+    assert odds > 100
+
+
+def test_one_run_is_no_side_of_a_step() -> None:
+    assert step_over_line(ORDER[:4], np.array([0.0, 1.0, 1.0, 1.0]), np.ones(4)) is None
+
+
+def test_weak_drifts_pass_for_steps_as_seldom_as_the_odds_say() -> None:
+    rng = np.random.default_rng(1)
+    odds = [
+        (step_over_line(ORDER, 0.5 * ORDER / 15 + rng.normal(0.0, 0.1, 16), np.ones(16)) or (0, 0.0, 0.0))[2]
+        for _ in range(200)
+    ]
+    assert np.mean(np.array(odds) > np.log(20)) <= 0.05
