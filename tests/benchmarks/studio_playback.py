@@ -1,11 +1,12 @@
-"""How fast the studio plays a recording with its overlay in Chromium, and its memory over minutes of scrubbing.
+"""How fast the studio plays and steps a recording in Chromium, and its memory over minutes of scrubbing.
 
     python -m tests.benchmarks.studio_playback FOLDER [--minutes 3]
 
-FOLDER: with an experiment whose first run is an analysed recording, as `turnscope demo` leaves one. Played: different
-frames shown in a second, of five seconds after the first. Scrubbed: the time axis is dragged to and fro by a mouse
-without rest and let go every second, in another run each half minute; memory is that of the studio's processes and of
-the page's process.
+FOLDER: with an experiment whose first run is a recording; once it is analysed (`turnscope compare … -o out` beside it)
+it is played with overlay and curves. Steps: from the key to the drawn frame, forward through frames that were not shown
+before, four a second. Played: different frames shown in a second, of five seconds after the first. Scrubbed: the time
+axis is dragged to and fro by a mouse without rest and let go every second, in another run each half minute; memory is
+that of the studio's processes and of the page's process.
 """
 
 from __future__ import annotations
@@ -31,6 +32,19 @@ SHOWN = """(seconds) => new Promise((done) => { const axis = document.querySelec
         if (seen.size > before) { gaps.push(now - last); last = now; }
         now - began < 1000 * seconds ? requestAnimationFrame(look) : done([seen.size, now - began, gaps]); };
     requestAnimationFrame(look); })"""
+STEPS = """async (count) => { const kind = CanvasRenderingContext2D.prototype, real = kind.drawImage, took = [];
+    let drawn = 0;
+    kind.drawImage = function (...given) { real.apply(this, given);
+        if (given[0] instanceof ImageBitmap && this.canvas.classList.contains("film")) drawn = performance.now(); };
+    for (let k = 0; k < count; k++) {
+        await new Promise((done) => setTimeout(done, 250));
+        const began = performance.now();
+        drawn = 0;
+        document.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+        while (!drawn) await new Promise(requestAnimationFrame);
+        took.push(drawn - began); }
+    kind.drawImage = real;
+    return took; }"""
 
 
 def descendants(process_id: int) -> dict[int, str]:
@@ -81,6 +95,15 @@ def play(page: Any, studio: int) -> str:
     return f"{1000 * shown / took:.1f} frames/s; {apart}; processor time a frame, studio and browser: {each} ms"
 
 
+def step(page: Any, count: int = 50) -> str:
+    """A line of figures."""
+    page.locator(".film").focus()
+    page.keyboard.press("Home")
+    page.wait_for_timeout(1000)
+    took = page.evaluate(STEPS, count)
+    return f"median {np.median(took):.1f} ms, p95 {np.percentile(took, 95):.1f}, longest {max(took):.1f}"
+
+
 def scrub(page: Any, seconds: float) -> None:
     """Drag the time axis to and fro; where it is let go the exact frame is shown, while it is dragged the key frame."""
     box, rng = page.locator(".axis").bounding_box(), np.random.default_rng(0)
@@ -119,7 +142,8 @@ def main() -> None:
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.goto(link)
         page.locator("a.card").first.click()
-        page.locator(".plots canvas").first.wait_for(timeout=120_000)
+        page.locator(".axis").wait_for(timeout=120_000)
+        print(f"load {os.getloadavg()[0]:.1f}; steps: {step(page)}", flush=True)
         print(f"load {os.getloadavg()[0]:.1f}; played: {play(page, server.pid)}", flush=True)
         print(f"load {os.getloadavg()[0]:.1f}; played again: {play(page, server.pid)}", flush=True)
         print("memory, MB: server, its processes, page; frames asked for")

@@ -54,6 +54,7 @@ export class Frames {
 
   async #ask() {
     this.asking = true;
+    let exact = -1;
     try {
       while (this.wanted) {
         const { index, near } = this.wanted;
@@ -66,7 +67,7 @@ export class Frames {
         const last = this.wanted && this.wanted.index === index && this.wanted.near === near;
         this.drawn(number, bitmap, number === index);
         if (last) this.wanted = null;
-        if (last && number === index) this.#beside(index);
+        exact = last && number === index ? index : -1;
       }
     } catch (error) {
       this.wanted = null;
@@ -74,6 +75,7 @@ export class Frames {
     } finally {
       this.asking = false;
     }
+    if (exact >= 0) this.#beside(exact);
   }
 
   // Have the frames beside one at hand, so that a step is shown at once; first the one in the direction of the last step.
