@@ -13,7 +13,7 @@ export function curvePlot(title, times, lines, { signal, seek, timed }) {
     width, height: tall(), title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
     scales: { x: { time: false } },
     series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: 1.5, dash: line.dash, points: { show: false } }))],
-    axes: [{ ...axis((value) => (timed ? `${value} s` : "")), size: (timed ? 1.7 : 0.5) * rem }, { ...axis((value) => value), label: title, labelSize: 1.1 * rem, labelFont: labels(), size: 3.4 * rem, space: 1.4 * rem }],
+    axes: [{ ...axis((value) => (timed ? `${value} s` : "")), size: (timed ? 1.7 : 0.5) * rem, space: 4 * rem }, { ...axis((value) => value), label: title, labelSize: 1.1 * rem, labelFont: labels(), size: 3.4 * rem, space: 1.4 * rem }],
   });
   const axis = (words) => ({
     stroke: () => color("soft"), font: labels(),

@@ -85,6 +85,7 @@ export async function show(view, { id, rest, signal }) {
   const refresh = () => asked().catch(() => {});
 
   let inner = null;
+  signal.addEventListener("abort", () => inner?.abort());
   const choose = async (row, anew = true) => {
     const run = found.rows[row];
     table.choose(row);
@@ -92,7 +93,6 @@ export async function show(view, { id, rest, signal }) {
     shown = row;
     inner?.abort();
     inner = new AbortController();
-    signal.addEventListener("abort", () => inner.abort(), { once: true });
     playing = null;
     if (!run) { fill(stage, empty()); return; }
     if (!run.video || found.faults.some((one) => one.row === row && ["video", "id"].includes(one.key))) {
