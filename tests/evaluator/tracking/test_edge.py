@@ -102,17 +102,24 @@ def test_an_edge_is_looked_for_where_a_slope_shifts_a_mark_by_three_sigmas() -> 
 
 
 @pytest.mark.parametrize(
-    ("shift_px", "residual", "kept"),
-    [(0.009, 1.0, False), (0.011, 1.0, True), (0.2, 1.6, True), (0.2, 2.1, False)],
+    ("shift_px", "residual", "sloped", "kept"),
+    [
+        (0.009, 1.0, 4.0, False),
+        (0.011, 1.0, 4.0, True),
+        (0.2, 1.6, 4.0, True),
+        (0.2, 2.1, 4.0, False),
+        (0.2, 1.42, 1.2, True),  # a slope leaves as much, but for two standard deviations of 200 squares
+        (0.2, 1.46, 1.2, False),
+    ],
 )
 def test_an_edge_counts_where_it_shifts_the_mark_by_half_a_sigma_and_explains_what_disturbs_it(
-    shift_px: float, residual: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+    shift_px: float, residual: float, sloped: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disc = make_disc(6.0, 0.9, (0.0, 0.0), (100.0, 30.0), 4.0)
     plain, edge = fitted(30.0, residual=4.5), fitted(30.0 + shift_px, residual=residual)
     path = slow_path.SlowPath(disc.numbers(), disc.table, np.array([4.0, 5.0]), plain, 4.0, disc)
     monkeypatch.setattr(
-        path, "_fit", lambda *_, result, **__: result.__setitem__(slice(None), fitted(30.3, residual=4.0))
+        path, "_fit", lambda *_, result, **__: result.__setitem__(slice(None), fitted(30.3, residual=sloped))
     )
     monkeypatch.setattr(path, "_fit_unoccluded", lambda *_: (0.0, 0.0))
     monkeypatch.setattr(path, "_glares", lambda _: False)

@@ -138,3 +138,36 @@ def test_the_first_twelve_frames_with_a_mark_are_given_once_its_shape_is_learnt(
     assert given == list(range(frames))
     assert lessons[0] == min(frames - 3, 12)
     assert order == [0, 1, 2, *[3] * min(frames - 3, 12), *range(15, frames)]
+
+
+def test_of_pairs_that_look_alike_the_one_that_moved_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    moved = {"green": YELLOW, "yellow": GREEN}
+    for found, expected in (({"green": GREEN, "yellow": YELLOW}, moved), ({"green": GREEN}, {"green": GREEN})):
+        one = discovering(monkeypatch, found)
+        one._rivals.decide = lambda *_: moved
+        one._waited = 99
+        one._discover(frame())
+        assert one.started == [(expected, 0.5)]
+
+
+def test_marks_begin_with_the_colours_of_all_others_and_at_no_place_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, begun, noted = following(), list[Any](), list[Any]()
+    monkeypatch.setattr(module, "allowed_cells", lambda *_: None)
+    monkeypatch.setattr(module, "neutral_of", lambda _frame, _cells, balance: (128.0, 128.0 + balance))
+    monkeypatch.setattr(module, "learn_color", lambda *said: said)
+    one.second_look = SimpleNamespace(note=lambda pair, _settings: noted.append(pair))
+    monkeypatch.setattr(one, "_start", lambda name, _frame, candidate, color: begun.append((name, candidate, color)))
+    one._start_all(frame(), {"green": GREEN, "yellow": YELLOW}, 0.25)
+    assert noted == [{"green": GREEN, "yellow": YELLOW}]
+    assert begun == [
+        ("green", GREEN, (GREEN, [YELLOW.chroma_uv], (128.0, 128.25))),
+        ("yellow", YELLOW, (YELLOW, [GREEN.chroma_uv], (128.0, 128.25))),
+    ]
+    begun.clear()
+    one.followers["yellow"] = Disc(position=(50.0, 41.0), velocity=(0.0, 0.0))
+    one._start_all(frame(), {"green": GREEN}, 0.25)
+    assert begun == []  # two marks are never at one place
+    one.followers["yellow"] = Disc(position=(90.0, 41.0), velocity=(0.0, 0.0))
+    one._start_all(frame(), {"green": GREEN}, 0.25)
+    assert begun == [("green", GREEN, (GREEN, [pytest.approx((128.6, 128.8))], (128.0, 128.25)))]
+    assert len(noted) == 1
