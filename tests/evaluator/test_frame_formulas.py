@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from evaluator.errors import InputError
-from evaluator.recording import seek
+from evaluator.recording import images, seek
 from evaluator.recording.fields import field_order, fields_of
 from evaluator.recording.frame import Frame
 from evaluator.recording.groups import Groups, groups_of
@@ -64,6 +65,30 @@ def test_an_image_is_the_frame_that_shows_its_colours(depth: int) -> None:
     assert colors == [None, None, depth]
     with pytest.raises(InputError, match="float32"):
         _planes(image.astype(np.float32), "a.png")
+
+
+def test_images_of_a_stack_are_frames_at_its_rate_up_to_the_one_that_is_damaged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    one, other = (np.full((4, 6), value, np.uint8) for value in (10, 20))
+    held: list[Any] = [one, other, other, None, one]
+    monkeypatch.setattr(images, "count_images", lambda _path: 5)
+    monkeypatch.setattr(images, "read_stack", lambda _path: iter(held))
+    stack = images.ImageSequence(tmp_path / "a.tif", Fraction(25))
+    seen = list(stack)
+    assert [(frame.index, frame.time_s, frame.repeated) for frame in seen] == [
+        *((0, 0.0, False), (1, 0.04, False), (2, 0.08, True)),
+    ]
+    report = stack.report()
+    assert (report.frames, report.duplicates) == (3, (2,))
+    assert any("its image 4 cannot be read" in note for note in report.notes)
+    held[0] = None
+    with pytest.raises(InputError, match="image 1: not a readable image"):
+        list(stack)
+    held[:2] = [one, one[:3]]
+    with pytest.raises(InputError, match="image 2: is 6×3 but the images before are 6×4"):
+        list(stack)
+    assert stack.size_px == (6, 4)
 
 
 def test_grey_frames_and_fields_have_their_time_size_and_lines() -> None:
