@@ -168,6 +168,17 @@ def test_an_image_that_was_left_out_and_an_origin_that_may_be_off_by_a_pitch_are
     assert notes[0] == "left out h.png: no dots"
     assert "off by whole pitches" in notes[-1]
     assert not any("whole pitches" in note for note in _notes(calibration()))
+    whole = SimpleNamespace(**vars(unsure) | {"match": type("M", (list,), {"certain": False})([0] * (13 * 9))})
+    notes = _notes(calibration(sightings=(whole,) * 5))
+    assert "the direction of x and y was chosen arbitrarily" in notes[-1]  # all of a symmetric array is seen
+    assert not any("whole pitches" in note for note in notes)
+
+
+@pytest.mark.parametrize("percent", [0.0, 0.1])
+def test_the_verdict_tells_what_the_pitch_of_the_gauge_takes_of_the_uncertainty(percent: float) -> None:
+    verdict = assess(calibration(known(focal_px=0.6), gauge=gauge_of(pitch_tolerance_percent=percent)))
+    share = "of which 0.1 % from the pitch of the gauge (pitch_tolerance_percent) and 0.05 % from the images"
+    assert verdict.summary.endswith(share if percent else "if the pitch of the gauge is exact")
 
 
 @pytest.mark.parametrize(("share", "enough"), [(0.00099, True), (0.00101, False)])
