@@ -34,6 +34,9 @@ UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another 
 PX_RATIO = 3.0  # a distance so many times too large, and in no unit of length, is in pixels
 LATE_S = 0.1  # more than the error of a start that is determined by counting frames
 LATE_SPREADS = 6.0  # times the scatter of the starts in the session
+# What small motors take to follow a command. In experiments whose file leaves start_s out, a delay of all runs up to
+# this is left to the diagnosis; a longer one is a start that was forgotten.
+MOTORS_S = 0.3
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path that the wheels would roll without slip
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
@@ -82,7 +85,7 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that start at another time than stated, relative to the other runs, or outside of the recording.
 
-    If start_s is not given, the start is compared with its default 0, without a motor lag.
+    If start_s is not given, the start is compared with its default 0, unless motors that follow late may be the cause.
     """
     del robots
     found: list[Found] = []
@@ -103,17 +106,18 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
     # a delay common to all runs, of the motors or of the clock, is left to the diagnosis
     usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
+    forgotten = {run.id for run in data if not run.start_is_stated and usual > MOTORS_S}
     for run in data:
         if run.id not in late:
             continue
         begins = late[run.id]
-        later_s = begins.time_s - usual if run.start_is_stated else begins.time_s
-        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, LATE_SPREADS * spread if run.start_is_stated else 0.0)
+        later_s = begins.time_s - (0.0 if run.id in forgotten else usual)
+        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, 0.0 if run.id in forgotten else LATE_SPREADS * spread)
         if abs(later_s) > least_s:
             at_s = run.start_s + later_s
             words = f"{abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} than start_s says"
             remedy = f"set start_s = {at_s:.2f}"
-            if not run.start_is_stated:
+            if run.id in forgotten:
                 words = f"and start_s, which is not given, counts as {run.start_s:g}"
                 remedy += f", or write start_s = {run.start_s:g} if the motors were switched on then"
             seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
