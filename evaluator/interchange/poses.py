@@ -26,12 +26,12 @@ from evaluator.interchange.bags import Topics, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
+from simulator.command import SECONDS
 
 Array = NDArray[np.float64]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
-S_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 QUATERNION = ("qx", "qy", "qz", "qw")
 TUM_COLUMNS = 8
 # Clocks that count from 1970 or from the start of a computer: the recording then begins at nought.
@@ -85,7 +85,7 @@ def holds_poses(path: Path) -> bool:
     except (OSError, UnicodeDecodeError):
         return False
     cells = {cell.strip() for cell in first.replace(";", ",").split(",")}
-    timed = any(f"time_{unit}" in cells for unit in S_PER)
+    timed = any(f"time_{unit}" in cells for unit in SECONDS)
     table = timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
 
@@ -141,7 +141,7 @@ def _columns(path: Path) -> pd.DataFrame:
     if said and _is_numbers(said[0], None, TUM_COLUMNS):
         return _from_quaternions(_numbers(path, said, None), 1.0, (4, 5, 6, 7))
     if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and what follows
-        return _from_quaternions(_numbers(path, said, ","), S_PER["ns"], (5, 6, 7, 4))
+        return _from_quaternions(_numbers(path, said, ","), SECONDS["ns"], (5, 6, 7, 4))
     return _from_csv(path)
 
 
@@ -200,7 +200,7 @@ def _from_csv(path: Path) -> pd.DataFrame:
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     found: dict[str, Array] = {}
-    _take(path, table, "time", S_PER, "s", found)
+    _take(path, table, "time", SECONDS, "s", found)
     for name in ("x", "y", "x_sigma", "y_sigma"):
         _take(path, table, name, MM_PER, "mm", found)
     for name in ("heading", "heading_sigma"):
