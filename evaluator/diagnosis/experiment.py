@@ -141,10 +141,10 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
         values[:, 1:] = without_outliers(values[:, 1:])
         try:
             shown = _run_data(run, order, values[:, 0], values[:, 1:])
+            own = _own_frames(shown, fewest)
         except InputError as error:
             skipped[run.id] = str(error)
             continue
-        own = between_hands(shown)
         shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own])
         inside = slice(inside.start + own.start, inside.start + own.stop)
         line = reference_line(robots[name])
@@ -190,6 +190,17 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
     stated = run.poses is not None or run.commands is not None or "start_s" in run.model_fields_set
     log = None if single else command
     return RunData(*known, log=log, from_poses=run.poses is not None, start_is_stated=stated)
+
+
+def _own_frames(run: RunData, fewest: int) -> slice:
+    """The frames of a run between those in which a hand moves it. Raises InputError for fewer than enough."""
+    own = between_hands(run)
+    seen = np.flatnonzero(np.isfinite(run.marks_mm[own]).all(axis=1)) + own.start
+    if len(seen) < fewest:
+        raise InputError(
+            f"{counted(len(seen), 'frame')} in which no hand moves the robot; at least {fewest} are needed"
+        )
+    return slice(int(seen[0]), int(seen[-1]) + 1)
 
 
 def _check_tolerances(robots: Sequence[Robot]) -> None:

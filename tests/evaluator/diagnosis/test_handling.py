@@ -12,6 +12,7 @@ from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.disturbances import late_starts
 from evaluator.diagnosis.mistakes.handling import between_hands, moved_before_start_mm
+from evaluator.errors import InputError
 from evaluator.settings import load_experiment
 from simulator.robot import load_robot
 
@@ -54,6 +55,14 @@ def test_run_ends_where_the_robot_is_taken_away() -> None:
 )
 def test_all_frames_count_where_no_hand_is_seen(run: RunData) -> None:
     assert between_hands(run) == slice(0, len(run.time_s))
+
+
+def test_frames_of_its_own_are_those_with_marks_and_enough() -> None:
+    run = filmed(laid_down_s=0.5)
+    run.marks_mm[30:40] = np.nan  # and some more after it was laid down
+    assert experiment._own_frames(run, 12) == slice(40, len(run.time_s))
+    with pytest.raises(InputError, match=r"200 frames in which no hand moves the robot; at least 201 are needed"):
+        experiment._own_frames(run, 201)
 
 
 @pytest.mark.parametrize("run", [filmed(laid_down_s=0.95), filmed(begins_s=-0.5)])
