@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from calibration.camera import PARAMETERS, camera_above
-from evaluator.report.figures import quality, radius
+from evaluator.report.figures import disagreement, quality, radius
 from evaluator.report.measurement import budget as section
 from evaluator.report.measurement.budget import budget_section
 from evaluator.turning.budget import Contribution
@@ -118,3 +118,22 @@ def test_a_budget_is_told_in_micrometres_and_percent_of_the_radius(monkeypatch: 
     unknown = Contribution("lens", nan, nan, nan)
     budget.contributions = (unknown, *items)
     assert "Largest source of all: mark height" in budget_section(turned("a", 8.0), budget).text[0]
+
+
+@pytest.mark.parametrize(
+    ("by", "axis"),
+    [
+        ("heading", "heading_deg"),
+        ("place", "place"),
+        ("the first second", "time_s"),
+        ("time since the command", "time_s"),
+        ("order of the runs", "order"),
+        ("direction times side", "both"),
+        ("everywhere", "speed"),
+        ("speed", "speed"),
+        ("difference", "difference"),
+    ],
+)
+def test_a_disagreement_is_drawn_against_what_it_depends_on(by: str, axis: str) -> None:
+    dependence: Any = SimpleNamespace(by=by)
+    assert disagreement._axis(dependence) == axis

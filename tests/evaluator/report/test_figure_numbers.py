@@ -166,6 +166,9 @@ def test_wheels_move_with_the_body_they_are_on_and_are_drawn_as_seen_from_above(
     assert table.loc["rear_right", ["velocity_forward_mm_s", "velocity_left_mm_s"]].tolist() == [3.5, 0.0]
     assert table["slip_angle_deg"].tolist() == pytest.approx([30.0] * 4)
     assert _on_page(1.0, 2.0) == (-2.0, 1.0)  # forward is up, left is left
+    for ahead, way in ((0.5, "forward"), (-0.5, "backward")):
+        turn.u_mm_s = ahead
+        assert way in wheel_states_figure("a", "title", robot, turn).caption
 
 
 @pytest.mark.parametrize(
