@@ -224,7 +224,7 @@ def test_a_body_starts_and_stops_with_two_marks_and_repeated_frames_tell_nothing
     assert combine._abrupt(TIME_S, marks[:1], new) is None
 
 
-@pytest.mark.parametrize(("radius", "speed"), [(150.0, 2.0), (40.0, 0.5), (300.0, 6.0)])
+@pytest.mark.parametrize(("radius", "speed"), [(150.0, 2.0), (40.0, 0.5), (300.0, 6.0), (5.0, 0.5)])
 def test_a_course_follows_a_circle_over_the_frames_that_leave_a_hundredth_of_a_pixel(
     radius: float, speed: float
 ) -> None:
