@@ -72,6 +72,14 @@ def test_a_start_is_late_from_five_of_its_standard_deviations_on(
     assert kinds(late_starts(session(driven(0)), [ROBOT] * 8)) == ([("r0", "late-start")] if told else [])
 
 
+def test_a_start_is_late_beside_the_lag_of_all_runs() -> None:
+    runs = [driven(0, begins_s=1.0), *(driven(number, begins_s=0.8) for number in range(1, 8))]
+    (found,) = late_starts(runs, [ROBOT] * 8)
+    assert (found.run, found.kind) == ("r0", "late-start")
+    assert found.correction is not None
+    assert found.correction.later_s == pytest.approx(0.2, abs=0.03)
+
+
 def test_a_start_that_noise_leaves_open_is_no_late_one() -> None:
     """At 3 rpm a robot goes 16 µm in a tenth of a second: in noise of 10 µm that is nobody's mistake."""
     others = [driven(number) for number in range(1, 8)]
