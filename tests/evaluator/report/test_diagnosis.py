@@ -232,6 +232,15 @@ def test_a_probability_is_told_of_what_is_named_and_is_neither_nought_nor_one(
     assert line in verdict_lines(content)
 
 
+def test_a_parameter_is_told_with_its_bounds_and_four_disagreements_are() -> None:
+    said = {"angle_deg": {"value": -1.81234, "low": -1.9, "high": -1.72}}
+    content = {**CONTRACT, "reason": "so", "effects": [{**CONTRACT["effects"][0], "parameters": said}]}
+    content["where"] = [{"sentence": f"disagreement {number}"} for number in range(5)]
+    lines = verdict_lines(content)
+    assert "  angle_deg = −1.812  [95 %: −1.9 to −1.72]" in lines
+    assert [line for line in lines if "isagreement" in line] == [f"Disagreement {number}." for number in range(4)]
+
+
 def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
     sentence = "r08, r09: the left wheels turn 1.5 % faster than in the other runs"
     lines = verdict_lines({**CONTRACT, "reason": "so", "unlike_runs": [{"runs": ["r08", "r09"], "sentence": sentence}]})

@@ -105,14 +105,14 @@ def cells(table: Table) -> dict[str, tuple[str, ...]]:
     return dict(zip(table.head, zip(*table.rows, strict=True), strict=True))
 
 
-def numbered(*names: str) -> dict[str, float]:
+def numbered(*names: str, first: float = 100.25) -> dict[str, float]:
     """A number of its own for every name."""
-    return {name: 100.0 + place + 0.25 for place, name in enumerate(names)}
+    return {name: first + place for place, name in enumerate(names)}
 
 
 def test_every_column_of_the_run_table_shows_its_own_number() -> None:
     row = numbered("radius_mm", "radius_low_mm", "radius_high_mm", "turned_deg", "speed_mm_s", "yaw_rate_deg_s")
-    compared = numbered("simulated_radius_mm", "radius_difference_percent", "gap_rms_mm")
+    compared = numbered("simulated_radius_mm", "radius_difference_percent", "gap_rms_mm", first=200.25)
     runs = [
         shown("a", 30.0, -20.5, compared, **row, share_used=0.5, radius_status="ok"),
         shown("b", 30.0, 20.0, compared, **{**row, "turned_deg": 0.9}, radius_status="too short: 2 s"),
@@ -124,11 +124,11 @@ def test_every_column_of_the_run_table_shows_its_own_number() -> None:
         "left / right, rpm": ("30 / −20.5", "30 / 20"),
         "radius, mm": ("100.250", "–"),
         "95 %, mm": ("101.250 to 102.250", "–"),
-        "simulated, mm": ("100.250",) * 2,
-        "difference, %": ("+101.25",) * 2,
+        "simulated, mm": ("200.250",) * 2,
+        "difference, %": ("+201.25",) * 2,
         "speed, mm/s": ("104.250",) * 2,
         "yaw rate, deg/s": ("105.25",) * 2,
-        "path gap RMS, mm": ("102.250",) * 2,
+        "path gap RMS, mm": ("202.250",) * 2,
         "frames used, %": ("50.0", "–"),
     }
     metres = cells(_run_table([replace(runs[0], unit=METRES)], set()).tables[0])
@@ -192,6 +192,10 @@ def test_repetitions_are_told_with_the_shares_of_what_makes_them_differ() -> Non
         "camera, %": "0.250",
     }
     assert len(found["runs"]) == 1
+    large = cells(
+        pooled_table(pd.DataFrame([{**row, **{f"radius{end}_mm": 8e3 for end in ("", "_low", "_high")}}]), METRES)
+    )
+    assert (large["radius, m"], large["95 %, m"]) == (("8.000",), ("8.000 to 8.000",))
 
 
 def test_what_the_standard_asks_for_beyond_these_runs_is_counted_and_named() -> None:
