@@ -28,7 +28,7 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set
 from evaluator.diagnosis.inference.settled_noise import settled_noise, with_common_drift
-from evaluator.diagnosis.inference.short_horizon import helps_itself, is_large, recalibrated, short_horizon_fits
+from evaluator.diagnosis.inference.short_horizon import is_implausible, is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
@@ -107,7 +107,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress)
-    tolerance = told_of(problem, start, session.tolerance)
+    tolerance = visible_tolerances(problem, start, session.tolerance)
     problem = replace(problem, starts_show=show_starts(problem, start))
     return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own))
 
@@ -121,7 +121,7 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
         begin = recalibrated(problem, start, ready.tolerance)
         problem = with_noise_of(problem, begin)
         part = replace(part, problem=problem)
-        large = is_large(problem, begin) or helps_itself(begin)
+        large = is_large(problem, begin) or is_implausible(begin)
     if large:
         usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
@@ -139,7 +139,7 @@ def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:
     return tuple(run for run in range(len(data)) if run not in aside)
 
 
-def told_of(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
+def visible_tolerances(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
     """The tolerances of what these runs can tell: a standard deviation of the rest does not show in all of them.
 
     It could only lend noise of the differences to a fit.

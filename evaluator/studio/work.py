@@ -19,21 +19,21 @@ def carry_out(pipe: Connection, kind: str, target: Path, options: Json) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for the studio, which tells us
-    told = _Told(pipe)
+    progress = _PipeProgress(pipe)
     try:
-        pipe.send(("done", KINDS[kind](told, target, options)))
+        pipe.send(("done", KINDS[kind](progress, target, options)))
     except Cancelled:
-        told.finally_say("cancelled", "")
+        progress.finally_say("cancelled", "")
     except (ValueError, OSError) as error:
         named = (
             f"{Path(error.filename).name}: {error.strerror}" if isinstance(error, OSError) and error.filename else error
         )
-        told.finally_say("failed", str(named))
+        progress.finally_say("failed", str(named))
     except Exception as error:  # noqa: BLE001 - the studio says it, and goes on
-        told.finally_say("failed", f"unexpected {type(error).__name__}: {error}")
+        progress.finally_say("failed", f"unexpected {type(error).__name__}: {error}")
 
 
-class _Told:
+class _PipeProgress:
     """A Progress that sends over a pipe."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -61,42 +61,42 @@ class _Told:
             return
 
 
-def _analyse(told: _Told, experiment: Path, options: Json) -> Json:
+def _analyse(progress: _PipeProgress, experiment: Path, options: Json) -> Json:
     from evaluator.workflow import compare, out_folder, pending
 
     del options
     out = out_folder(experiment)
-    told.pipe.send(("outdated", pending(experiment, out, simulate=True)))
-    found = compare(experiment, out, progress=told, command_line=("studio",))
+    progress.pipe.send(("outdated", pending(experiment, out, simulate=True)))
+    found = compare(experiment, out, progress=progress, command_line=("studio",))
     return {"faults": found.faults, "notes": {run: list(said) for run, said in found.notes.items()}}
 
 
-def _diagnose(told: _Told, experiment: Path, options: Json) -> Json:
+def _diagnose(progress: _PipeProgress, experiment: Path, options: Json) -> Json:
     from evaluator.workflow import diagnose, out_folder
 
-    summary = _analyse(told, experiment, options)
-    found = diagnose(experiment, out_folder(experiment), progress=told)
+    summary = _analyse(progress, experiment, options)
+    found = diagnose(experiment, out_folder(experiment), progress=progress)
     return {**summary, "verdict": found.verdict, "effects": list(found.effects)}
 
 
-def _samples(told: _Told, folder: Path, options: Json) -> Json:
+def _samples(progress: _PipeProgress, folder: Path, options: Json) -> Json:
     from evaluator.workflow import prepare_samples
 
     del options
-    samples = prepare_samples(folder, told)
+    samples = prepare_samples(folder, progress)
     return {"verdict": samples.calibrated.verdict.summary}
 
 
-def _calibrate(told: _Told, gauge: Path, options: Json) -> Json:
+def _calibrate(progress: _PipeProgress, gauge: Path, options: Json) -> Json:
     from evaluator.workflow import calibrate
 
     images = [Path(image) for image in options["images"]]
-    found = calibrate(images, gauge, plate=options.get("plate", 0), progress=told)
+    found = calibrate(images, gauge, plate=options.get("plate", 0), progress=progress)
     found.save(Path(options["camera"]))
     return {"verdict": found.verdict.summary, "level": found.verdict.level}
 
 
-KINDS: dict[str, Callable[[_Told, Path, Json], Json]] = {
+KINDS: dict[str, Callable[[_PipeProgress, Path, Json], Json]] = {
     "analyse": _analyse,
     "diagnose": _diagnose,
     "samples": _samples,

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 FEWEST_FREEDOM = 6  # degrees of freedom below which an F test has little power
 # Share of the variance of a friction or gain that a run must determine; a straight run does not determine friction.
-LEAST_TOLD = 0.01
+LEAST_SHARE = 0.01
 UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
 DRIFT = "speed-drift"
 FEWEST_BESIDE_STEP = 2  # runs on either side: one that is unlike the others is a matter of that run
@@ -38,16 +38,16 @@ class Adequacy:
 
     excess: mean square of the whitened residuals, 1 for pure noise; excess_sigma: its distance from 1 in standard
     errors. by_run: the same per run. random_effects: friction, gains and start of each run (n, 4), shrunk toward 0;
-    told: (n, 4), the share of their variance that the run determines. order_p: probability of so strong a dependence of
-    random effects on something known by chance, Bonferroni over all tests; depends_on: the quantity. widest: the random
-    effect with an implausibly large scatter, in words; empty if there is none.
+    shares: (n, 4), of their variance that the run determines. order_p: probability of so strong a dependence of random
+    effects on something known by chance, Bonferroni over all tests; depends_on: the quantity. widest: the random effect
+    with an implausibly large scatter, in words; empty if there is none.
     """
 
     excess: float
     excess_sigma: float
     by_run: Floats
     random_effects: Floats
-    told: Floats
+    shares: Floats
     order_p: float
     depends_on: str
     widest: str = ""
@@ -61,11 +61,11 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     excess = float(squares.sum() / freedom.sum())
     scatter = fit.posterior.scatter
     random_effects, unknown = run_effects(fit.reduced, theta, scatter)
-    told = 1 - np.diagonal(unknown, axis1=1, axis2=2) / scatter**2
+    shares = 1 - np.diagonal(unknown, axis1=1, axis2=2) / scatter**2
     sigma = np.sqrt(2 / freedom.sum())
-    order_p, depends_on = _order(random_effects / scatter, told, [data[run] for run in fit.runs])
+    order_p, depends_on = _order(random_effects / scatter, shares, [data[run] for run in fit.runs])
     return Adequacy(
-        excess, (excess - 1) / sigma, squares / freedom, random_effects, told, order_p, depends_on, _widest(scatter)
+        excess, (excess - 1) / sigma, squares / freedom, random_effects, shares, order_p, depends_on, _widest(scatter)
     )
 
 
@@ -100,8 +100,8 @@ def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
     """
     found = []
     for number, what in enumerate(SCATTER[:-1]):
-        seen = left.told[:, number] > LEAST_TOLD
-        alike, which = left.random_effects[seen, number] / np.sqrt(left.told[seen, number]), np.asarray(runs)[seen]
+        seen = left.shares[:, number] > LEAST_SHARE
+        alike, which = left.random_effects[seen, number] / np.sqrt(left.shares[seen, number]), np.asarray(runs)[seen]
         odd = _odd(alike, UNLIKE / (len(SCATTER) - 1))
         if not odd:  # on open ground no run has friction or gains of its own
             continue
@@ -132,18 +132,18 @@ def _odd(values: Floats, probability: float) -> list[int]:
     return taken[:odd]
 
 
-def _order(random_effects: Floats, told: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+def _order(random_effects: Floats, shares: Floats, data: Sequence[RunData]) -> tuple[float, str]:
     """F test of each random effect against each known quantity of the runs: the smallest probability and its quantity.
 
-    random_effects: (n, 4) in standard deviations of the scatter; told: (n, 4), the share of the variance that the run
+    random_effects: (n, 4) in standard deviations of the scatter; shares: (n, 4), of the variance that the run
     determines. Estimates are shrunk by this share, and so is their variance; therefore they are divided by its square
     root, and the regressors are multiplied by it.
     """
     tests = 0
     least, reason = 1.0, ""
     for by, columns in _known(data).items():
-        for what, column, share in zip(SCATTER, random_effects.T, told.T, strict=True):
-            seen = share > LEAST_TOLD
+        for what, column, share in zip(SCATTER, random_effects.T, shares.T, strict=True):
+            seen = share > LEAST_SHARE
             weight = np.sqrt(share[seen])
             design = np.column_stack([np.ones(seen.sum()), columns[seen]]) * weight[:, None]
             tested, freedom = design.shape[1] - 1, len(design) - design.shape[1]
@@ -196,11 +196,11 @@ def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:
     """
     if DRIFT not in fit.terms:
         return ""
-    share = left.told[:, 1:3].sum(axis=1)
-    seen = share > 2 * LEAST_TOLD
+    share = left.shares[:, 1:3].sum(axis=1)
+    seen = share > 2 * LEAST_SHARE
     order = np.array([data[run].order for run in fit.runs], dtype=np.float64)
     # of the run's own gains a share is seen, drawn towards nought by the rest
-    gain = left.random_effects[:, 1:3].sum(axis=1) / np.maximum(share, LEAST_TOLD)
+    gain = left.random_effects[:, 1:3].sum(axis=1) / np.maximum(share, LEAST_SHARE)
     speed = gain + fit.point.terms[DRIFT][0] * order
     runs = [data[run] for run, is_seen in zip(fit.runs, seen, strict=True) if is_seen]
     found = step_over_line(order[seen], speed[seen], np.sqrt(share[seen]))

@@ -64,7 +64,7 @@ def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[
     """Log density of each group of runs, with parameters estimated from the other runs, (groups,)."""
     tau = fit.posterior.scatter
     s, g, G = at_scatter(fit.reduced, tau)
-    without = _told_without(g, G, aside, fit, tolerance)
+    without = _estimates_without(g, G, aside, fit, tolerance)
     widths = np.linalg.slogdet(fit.reduced.A + np.diag(tau**-2.0))[1] + 2 * np.log(tau).sum()
     found = []
     for group, (mean, covariance) in zip(aside, without, strict=True):
@@ -88,16 +88,16 @@ def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mappi
     if len(aside) < 2:
         return fit.posterior.covariance
     _, g, G = at_scatter(fit.reduced, fit.posterior.scatter)
-    means = np.array([mean for mean, _ in _told_without(g, G, aside, fit, tolerance)])
+    means = np.array([mean for mean, _ in _estimates_without(g, G, aside, fit, tolerance)])
     freedom = len(aside) - 1
     wider = float(special.stdtrit(freedom, 0.975) / special.ndtri(0.975))
     jackknife = wider * np.sqrt(freedom / len(aside) * np.sum((means - means.mean(axis=0)) ** 2, axis=0))
-    told = np.sqrt(np.diag(fit.posterior.covariance))
-    factor = np.maximum(jackknife / np.maximum(told, 1e-300), 1.0)
+    sigmas = np.sqrt(np.diag(fit.posterior.covariance))
+    factor = np.maximum(jackknife / np.maximum(sigmas, 1e-300), 1.0)
     return np.asarray(fit.posterior.covariance * np.outer(factor, factor))
 
 
-def _told_without(
+def _estimates_without(
     g: Floats, G: Floats, aside: Sequence[NDArray[np.int64]], fit: Fit, tolerance: Mapping[str, float]
 ) -> list[tuple[Floats, Floats]]:
     """Parameters (p,) and their covariance (p, p) from the other runs, for each group of left-out runs."""

@@ -23,7 +23,7 @@ ALIKE = {
     **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), "drive-speed-scale"),
 }
 OF_A_MARK = ("_x_mm", "_y_mm")  # ends of the keys of places of marks, and of the centre of gravity
-TOLD = 0.5  # share of its variance that a combination loses to the runs where they tell it better than was known
+DETERMINED = 0.5  # share of its variance that a combination loses to the runs where they tell it better than was known
 MOST_NAMED = 4
 AT_END = 1e-3  # of the range of a value: a fit that is so near its bound has ended there
 FINDING_SIGMAS = 3.0  # a preference beyond so many stated tolerances is told: once in 370 by chance
@@ -127,12 +127,12 @@ def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
     sigma = np.array([tolerance[fit.columns[i].key] for i in at])
     found = np.array([fit.point.value(fit.columns[i]) for i in at]) / sigma
     left = fit.posterior.covariance[np.ix_(at, at)] / np.outer(sigma, sigma)
-    told, combinations = np.linalg.eigh(np.eye(len(at)) - left)
-    counts = told > TOLD
+    determined, combinations = np.linalg.eigh(np.eye(len(at)) - left)
+    counts = determined > DETERMINED
     preferred = (combinations.T @ found)[counts]
     order = np.argsort(-np.abs(found))
     furthest = tuple((fit.columns[at[k]].key, float(found[k])) for k in order)
-    return Together(float(np.sum(preferred**2 / told[counts])), int(counts.sum()), furthest)
+    return Together(float(np.sum(preferred**2 / determined[counts])), int(counts.sum()), furthest)
 
 
 def far(fit: Fit, tolerance: Mapping[str, float]) -> frozenset[str]:

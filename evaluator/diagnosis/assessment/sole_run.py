@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.assessment.adequacy import LEAST_TOLD, Adequacy
+from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, Adequacy
 from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
-from evaluator.diagnosis.assessment.knowledge import TOLD
+from evaluator.diagnosis.assessment.knowledge import DETERMINED
 from evaluator.diagnosis.assessment.model_comparison import Set, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.bounds import bounds
@@ -91,11 +91,11 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> i
     """
     from scipy import stats
 
-    gains, told = left.random_effects[:, 1:3], left.told[:, 1:3]
+    gains, shares = left.random_effects[:, 1:3], left.shares[:, 1:3]
     if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
         return None
     count = len(gains)
-    alike = np.where(told > LEAST_TOLD, gains / np.sqrt(np.maximum(told, LEAST_TOLD)), 0.0)
+    alike = np.where(shares > LEAST_SHARE, gains / np.sqrt(np.maximum(shares, LEAST_SHARE)), 0.0)
     means, spreads = (np.array([of(np.delete(alike, k, axis=0), axis=0) for k in range(count)]) for of in MEAN_SPREAD)
     apart = np.abs(alike - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
     worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
@@ -156,11 +156,11 @@ def _updated(problem: Problem, fit: Fit, placed: Point, run: int, tolerance: Map
     _, g, G = at_scatter(reduce_runs(problem.linearized(placed, fit.columns, [run])), fit.posterior.scatter)
     variances, vectors = np.linalg.eigh(fit.posterior.covariance)
     root = vectors * np.sqrt(np.maximum(variances, 0.0))
-    told, axes = np.linalg.eigh(root.T @ G[0] @ root)
+    information, axes = np.linalg.eigh(root.T @ G[0] @ root)
     ways = root @ axes  # independent of one another in the fit, where each is known to 1, and in the run
-    step = ways.T @ (g[0] - G[0] @ theta) / (1 + told)
-    share = told / (1 + told)
-    counts = share > TOLD
+    step = ways.T @ (g[0] - G[0] @ theta) / (1 + information)
+    share = information / (1 + information)
+    counts = share > DETERMINED
     if special.chdtrc(int(counts.sum()), float(np.sum(step[counts] ** 2 / share[counts]))) < NOT_CHANCE:
         return None
     return placed.at(fit.columns, np.clip(theta + ways @ step, *bounds(fit.columns, tolerance)))

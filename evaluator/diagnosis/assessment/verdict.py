@@ -49,7 +49,7 @@ EXCESS_SIGMA = 5.0
 # stands beside it more probable than nothing. Under heavy-tailed noise one beside a scale that was off by chance,
 # together 29 times less probable than nothing, has passed for physics.
 BETTER_BY, BETTER_SIGMAS = 4.0, 2.0
-NOT_TOLD = 0.05  # probability, by chance, that any of a family's coefficients has an interval that leaves out nought
+FALSE_POSITIVE = 0.05  # probability that the interval of any coefficient of a family excludes zero by chance
 # Friction and gains that depend on something known are not chance: the probability at which that is believed.
 NOT_CHANCE = 1e-3
 LATE = "command-lag"  # does what a clock does that is off, where commands and poses are logs
@@ -169,7 +169,7 @@ def decide(
     likely = [ids for ids in answers if ids in free]
     # on open ground what is left is the noise, so that odds alone say little: it must carry over, too
     if least_material > -math.inf:
-        free = [ids for ids in free if _is_told(search, ids)]
+        free = [ids for ids in free if _is_significant(search, ids)]
         likely = [ids for ids in likely if ids in free and _predicts(search, ids, named)]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
@@ -206,17 +206,17 @@ def _predicts(search: Search, ids: Set, other: Set) -> bool:
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
 
 
-def _is_told(search: Search, ids: Set) -> bool:
+def _is_significant(search: Search, ids: Set) -> bool:
     """Whether each term without a name has a coefficient that is not nought, in intervals that hold over commands."""
     fit = search.fits[ids]
     sigma = np.sqrt(np.diag(covariance_over_commands(fit, search.problem.data, search.tolerance)))
     size = np.abs([fit.point.value(column) for column in fit.columns])
 
-    def told(effect: str) -> bool:
+    def is_significant(effect: str) -> bool:
         own = [i for i, column in enumerate(fit.columns) if column.key == effect]
-        return bool((size[own] > -special.ndtri(NOT_TOLD / 2 / len(own)) * sigma[own]).any())
+        return bool((size[own] > -special.ndtri(FALSE_POSITIVE / 2 / len(own)) * sigma[own]).any())
 
-    return all(told(effect) for effect in ids if is_free(effect))
+    return all(is_significant(effect) for effect in ids if is_free(effect))
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:

@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.inference.ahead import Ahead, ahead_of
 from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.inference.left_overs import left_overs
+from evaluator.diagnosis.inference.linearized_optimum import Optimum, optimum_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import (
     Linearized,
     MixedModel,
@@ -223,31 +223,31 @@ def _fitted(
     for step in range(MOST_STEPS):
         problem.watch.look()
         fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
-        ahead = _ahead(fit, tolerance, most_scatter)
+        optimum = _optimum(fit, tolerance, most_scatter)
         if problem.open_ground:
-            ends.append((float(ahead.now.sum()), _with_shortfall(replace(fit, converged=True), ahead.predicted)))
+            ends.append((float(optimum.now.sum()), _with_shortfall(replace(fit, converged=True), optimum.predicted)))
             least = int(np.argmin([value for value, _ in ends]))
-            if ahead.predicted < SETTLED or step - least == WATCHED or step == MOST_STEPS - 1:
+            if optimum.predicted < SETTLED or step - least == WATCHED or step == MOST_STEPS - 1:
                 return replace(ends[least][1], steps=step + 1)
-            point, _ = _line_search(problem, fit, ahead)
+            point, _ = _line_search(problem, fit, optimum)
             continue
-        if ahead.predicted < SETTLED:
+        if optimum.predicted < SETTLED:
             return replace(fit, converged=True)
-        if ahead.predicted > NO_PROGRESS * before and np.any(np.abs(ahead.per_run) > MOST_SCATTER):
+        if optimum.predicted > NO_PROGRESS * before and np.any(np.abs(optimum.per_run) > MOST_SCATTER):
             return fit
         lag = rival - fit.posterior.log_evidence
         if lag > max(LAGGING, CLOSING * lagged):
             return fit
-        before, lagged = ahead.predicted, lag
-        point, better = _line_search(problem, fit, ahead)
+        before, lagged = optimum.predicted, lag
+        point, better = _line_search(problem, fit, optimum)
         if not better:
-            return replace(fit, converged=ahead.predicted < STALLED)
-        point = _carried_on(problem, fit, ahead, point, tolerance, most_scatter)
+            return replace(fit, converged=optimum.predicted < STALLED)
+        point = _carried_on(problem, fit, optimum, point, tolerance, most_scatter)
     return fit
 
 
 def _carried_on(
-    problem: Problem, fit: Fit, ahead: Ahead, point: Point, tolerance: Mapping[str, float], most_scatter: Floats
+    problem: Problem, fit: Fit, optimum: Optimum, point: Point, tolerance: Mapping[str, float], most_scatter: Floats
 ) -> Point:
     """Where the slopes at hand lead on to from a point that a line search found, corrected by what each step changed.
 
@@ -271,20 +271,20 @@ def _carried_on(
         if len(views) < len(fit.runs):
             return point
         fit = replace(fit, point=point, linearized=views, reduced=reduce_runs(views))
-        promised, ahead = ahead.predicted, _ahead(fit, tolerance, most_scatter)
-        if not SETTLED < ahead.predicted < CARRIES * promised:
+        promised, optimum = optimum.predicted, _optimum(fit, tolerance, most_scatter)
+        if not SETTLED < optimum.predicted < CARRIES * promised:
             return point
-        moved, better = _line_search(problem, fit, ahead, DAMPINGS[:1])
+        moved, better = _line_search(problem, fit, optimum, DAMPINGS[:1])
         if not better:
             return point
         point = moved
 
 
-def _ahead(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> Ahead:
+def _optimum(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> Optimum:
     theta = np.array([fit.point.value(column) for column in fit.columns])
     per_run, scatter = fit.point.per_run[list(fit.runs), 3:], np.minimum(fit.posterior.scatter, most_scatter)
     prior, within = prior_precision(fit.columns, tolerance), bounds(fit.columns, tolerance)
-    return ahead_of(fit.linearized, fit.reduced, theta, per_run, prior, scatter, within)
+    return optimum_of(fit.linearized, fit.reduced, theta, per_run, prior, scatter, within)
 
 
 def _with_shortfall(fit: Fit, predicted: float) -> Fit:
@@ -293,7 +293,9 @@ def _with_shortfall(fit: Fit, predicted: float) -> Fit:
     return replace(fit, posterior=less, shortfall=predicted)
 
 
-def _line_search(problem: Problem, fit: Fit, ahead: Ahead, dampings: Sequence[float] = DAMPINGS) -> tuple[Point, bool]:
+def _line_search(
+    problem: Problem, fit: Fit, optimum: Optimum, dampings: Sequence[float] = DAMPINGS
+) -> tuple[Point, bool]:
     """The first point on the way to the goal that is better than now, and whether there is one; else the farthest.
 
     Start pose and random effects of every run are fitted anew; the slopes by them of the view at hand serve nearby.
@@ -301,13 +303,13 @@ def _line_search(problem: Problem, fit: Fit, ahead: Ahead, dampings: Sequence[fl
     farthest = None
     for damping in dampings:
         problem.watch.look()
-        trial = ahead.theta + damping * (ahead.goal - ahead.theta)
+        trial = optimum.theta + damping * (optimum.goal - optimum.theta)
         try:
             there = fit.point.at(fit.columns, trial)
-            moved, values = settled_by_run(problem, there, fit.runs, ahead.scatter, fit.linearized)
+            moved, values = settled_by_run(problem, there, fit.runs, optimum.scatter, fit.linearized)
         except FloatingPointError:
             continue
-        if float(values.sum() + ahead.prior @ trial**2 - ahead.now.sum()) < -0.1 * SETTLED:
+        if float(values.sum() + optimum.prior @ trial**2 - optimum.now.sum()) < -0.1 * SETTLED:
             return moved, True
         farthest = farthest or moved
     return farthest or fit.point, False

@@ -41,7 +41,7 @@ def is_large(problem: Problem, point: Point) -> bool:
     return bool(np.any(turn > LARGE_TURN_RAD) or np.any(shift > problem.length * LARGE_SHIFT_MM))
 
 
-def helps_itself(point: Point) -> bool:
+def is_implausible(point: Point) -> bool:
     """Whether some run has implausible friction or gains, which conceal the misfit of the model."""
     return bool(np.any(np.abs(point.per_run[:, START_POSE:]) > BEYOND_CHANCE * np.array(USUAL_SCATTER)))
 

@@ -143,7 +143,7 @@ class Simulated:
         _with_friction(models, per_run)
         states = np.zeros((count, 6))
         states[:, :3] = per_run[:, :3]
-        knots, knot_edges = self._told(tasks, per_run, [variant.view.time_factor for variant in variants])
+        knots, knot_edges = self._commands(tasks, per_run, [variant.view.time_factor for variant in variants])
         moving = np.flatnonzero(~self._from_rest[[task.run for task in tasks]])
         if len(moving):
             begin = times_s[edges[:-1]][moving]
@@ -156,7 +156,7 @@ class Simulated:
         chosen = np.arange(count)
         return _integrated(models, knots, knot_edges, states, times_s, edges, chosen, self._tolerance_mm)
 
-    def _told(
+    def _commands(
         self, tasks: Sequence[Task], per_run: Floats, time_factors: Sequence[float]
     ) -> tuple[Floats, NDArray[np.int64]]:
         """Commands of all tasks in true time, stacked, where each begins and ends; a run's gains are its motors'."""

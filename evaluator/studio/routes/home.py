@@ -50,8 +50,8 @@ def home(studio: Studio, asked: Asked) -> Json:
     recordings = [path for path in files if path.suffix.lower() in VIDEOS]
     return {
         "folder": folder.root.name or str(folder.root),
-        "experiments": [_told(folder, one, ("name", "runs", "videos", "fault")) for one in experiments_among(files)],
-        "cameras": [_told(folder, one, ("level", "summary", "scale_sigma")) for one in cameras_among(files)],
+        "experiments": [_entry(folder, one, ("name", "runs", "videos", "fault")) for one in experiments_among(files)],
+        "cameras": [_entry(folder, one, ("level", "summary", "scale_sigma")) for one in cameras_among(files)],
         "recordings": len(recordings),
         "images": sum(path.suffix.lower() in IMAGES for path in files),
         "robots": robot_names(),
@@ -59,7 +59,7 @@ def home(studio: Studio, asked: Asked) -> Json:
     }
 
 
-def _told(folder: Folder, summary: Any, names: tuple[str, ...]) -> Json:
+def _entry(folder: Folder, summary: Any, names: tuple[str, ...]) -> Json:
     identified = {"id": folder.id_of(summary.path), "path": folder.relative(summary.path)}
     return identified | {name: getattr(summary, name) for name in names}
 

@@ -24,7 +24,7 @@ def routes(studio: Studio) -> list[Route]:
 
 def of_gauge(studio: Studio, asked: Asked) -> Json:
     """All values of a gauge.toml."""
-    return _told(studio, gauge_values(studio.folder.path(asked.path["id"])))
+    return _listed(studio, gauge_values(studio.folder.path(asked.path["id"])))
 
 
 def set_of_gauge(studio: Studio, asked: Asked) -> Json:
@@ -39,7 +39,7 @@ def of_robot(studio: Studio, asked: Asked) -> Json:
     """All values of the robot of an experiment."""
     path = studio.folder.path(asked.path["id"])
     studio.folder.inside(robot_file(path).path)
-    return _told(studio, robot_values(path))
+    return _listed(studio, robot_values(path))
 
 
 def set_of_robot(studio: Studio, asked: Asked) -> Json:
@@ -68,6 +68,6 @@ def _name(place: list[str | int]) -> str:
     return next((key for key in reversed(place) if isinstance(key, str)), "entry")
 
 
-def _told(studio: Studio, found: Values) -> Json:
+def _listed(studio: Studio, found: Values) -> Json:
     path = studio.folder.relative(found.path)
     return {"version": found.version, "path": path, "values": [{"place": place, "value": v} for place, v in found.each]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.inference.short_horizon import helps_itself
+from evaluator.diagnosis.inference.short_horizon import is_implausible
 from evaluator.diagnosis.likelihood.problem import Point
 
 
@@ -19,7 +19,7 @@ def test_friction_of_30_percent_or_a_wheel_of_6_percent_hides_a_misfit(
     """A run's own numbers: x, y, heading of its start, friction, gains of left and right, start of motion."""
     own = np.zeros((5, 7))
     own[2, number] = usual
-    assert not helps_itself(Point(own, {}, {}))
+    assert not is_implausible(Point(own, {}, {}))
     if beyond is not None:
         own[2, number] = beyond
-        assert helps_itself(Point(own, {}, {}))
+        assert is_implausible(Point(own, {}, {}))

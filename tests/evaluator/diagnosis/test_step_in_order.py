@@ -21,7 +21,7 @@ def said(speed: np.ndarray, per_run: float) -> str:
     """The answer where a drift was fitted and each run's own gains hold the rest, of which half is seen."""
     gains = 0.5 * (speed - per_run * ORDER)
     left: Any = SimpleNamespace(
-        told=np.full((16, 4), 0.5), random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains])
+        shares=np.full((16, 4), 0.5), random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains])
     )
     point = SimpleNamespace(terms={DRIFT: (per_run,)})
     fit: Any = SimpleNamespace(terms=frozenset([DRIFT]), point=point, runs=tuple(range(16)))

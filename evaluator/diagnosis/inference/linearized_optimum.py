@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Ahead:
+class Optimum:
     """Common parameters (p,) theta now and at the goal, and the random effects (n, 4) of the runs there.
 
     now: -2 log density of each run, the last of the priors (n + 1,). predicted: its decrease.
@@ -29,7 +29,7 @@ class Ahead:
     predicted: float
 
 
-def ahead_of(
+def optimum_of(
     linear: Sequence[Linearized],
     reduced: Reduced,
     theta: Floats,
@@ -37,13 +37,13 @@ def ahead_of(
     prior: Floats,
     scatter: Floats,
     bounds: tuple[Floats, Floats],
-) -> Ahead:
+) -> Optimum:
     """The most probable parameters within bounds, seen from theta (p,) and random effects (n, 4) of the runs there."""
     now = _objective(linear, theta, per_run, prior, scatter)
     goal = solve_within(reduced, prior, scatter, *bounds)
     there = run_effects(reduced, goal, scatter)[0]
     predicted = float(np.sum(now - _objective(linear, goal, there, prior, scatter)))
-    return Ahead(theta, goal, there, prior, scatter, now, predicted)
+    return Optimum(theta, goal, there, prior, scatter, now, predicted)
 
 
 def _objective(linear: Sequence[Linearized], theta: Floats, per_run: Floats, prior: Floats, scatter: Floats) -> Floats:
