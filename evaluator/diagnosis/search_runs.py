@@ -44,17 +44,17 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-UNSEEN_SIGMAS = 0.5  # a standard deviation of a nominal value that shows by less, in all runs together, is left out
+UNSEEN_SIGMAS = 0.5  # response of all runs to one tolerance of a nominal value, below which the value is not fitted
 SWAP_SIGMAS, SWAPS = 10.0, 4
-FREE_REFITTED, FREE_HOPELESS = 8, 3  # free-form terms to be fitted, at most; so many far from the best in a row end it
-PROMISING_FREE = 6.0  # gain in log evidence at which a free-form term is fitted; its prior takes eight
+FREE_REFITTED, FREE_HOPELESS = 8, 3  # most free-form terms to fit; consecutive ones far below the best that end it
+PROMISING_FREE = 6.0  # gain in log evidence from which a free-form term is fitted; its prior costs eight
 
 
 def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
-    """How all sets stand, and the best one of which every effect pays for itself.
+    """Scores of all sets, and the best named set in which every effect is significant.
 
-    What an effect is measured against, the set without it, is fitted from where the whole set stands too: a start pose
-    that had settled elsewhere, in one run, has passed for an effect of size nought.
+    The set without an effect, with which it is compared, is fitted from the parameters of the whole set as well:
+    otherwise a different start pose of a single run may appear as evidence for an effect of size zero.
     """
     table = standing(search, families)
     best = best_named(search, table, families)
@@ -71,7 +71,7 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Runs ready for a search: the problem, its nominal point, tolerances that show, terms by id, the user's own."""
+    """Runs ready for a search: problem, nominal point, visible tolerances, terms by id, ids of user-defined effects."""
 
     problem: Problem
     start: Point
@@ -81,7 +81,7 @@ class Prepared:
 
     @property
     def free(self) -> dict[str, Candidate]:
-        """Terms without a name."""
+        """Free-form terms."""
         return {effect: term for effect, term in self.terms.items() if is_free(effect)}
 
     @property
@@ -91,7 +91,7 @@ class Prepared:
 
 
 def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepared:
-    """The runs of a session, their noise, and everything that may be missing in the model of them."""
+    """The runs of a session with their noise and all candidate terms."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
     size = size_of(session.robots[0])
@@ -113,7 +113,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
 
 
 def search_named(ready: Prepared, progress: Progress) -> Search:
-    """The search over named effects without the runs held out."""
+    """The search over named effects on all runs that are not held out."""
     problem, start = ready.problem, ready.start
     part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data), asked=ready.own)
     begin, large = start, is_large(problem, start)
@@ -134,15 +134,15 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
 
 
 def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Numbers of the runs that are not held out."""
+    """Indices of the runs that are not held out."""
     aside = held_out_runs(data)
     return tuple(run for run in range(len(data)) if run not in aside)
 
 
 def visible_tolerances(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
-    """The tolerances of what these runs can tell: a standard deviation of the rest does not show in all of them.
+    """Tolerances of the nominal values to which these runs respond visibly: by more than UNSEEN_SIGMAS in all of them.
 
-    It could only lend noise of the differences to a fit.
+    The others would only add numerical noise of the derivatives to a fit.
     """
     columns = [Column(key) for key, value in tolerance.items() if value > 0]
     square, _ = _squares_shown(problem, point, columns)
@@ -154,15 +154,15 @@ def visible_tolerances(problem: Problem, point: Point, tolerance: Mapping[str, f
 
 
 def show_starts(problem: Problem, point: Point) -> bool:
-    """Whether standard deviations of the runs' starts show: otherwise each would be fitted for nothing.
+    """Whether the runs respond visibly to the standard deviation of their start of motion; otherwise it is not fitted.
 
-    Clocks of computers that agree to 0.01 s leave nothing to find in runs that scatter by decimetres.
+    Clocks of computers that agree to 0.01 s have no visible influence on runs that scatter by decimetres.
     """
     return bool(_squares_shown(problem, point, ())[1] > UNSEEN_SIGMAS**2)
 
 
 def _squares_shown(problem: Problem, point: Point, columns: Sequence[Column]) -> tuple[Floats, float]:
-    """Squares of what common parameters (p,) do, per unit, and of the runs' starts, each at its standard deviation."""
+    """Squared responses to common parameters (p,) per unit, and to the starts of motion per standard deviation."""
     square, of_starts = np.zeros(len(columns)), 0.0
     for item in problem.attempted(point, columns, range(len(problem.data))):
         if item is not None:
@@ -183,10 +183,10 @@ def _levels(session: Session) -> tuple[float, ...]:
 
 
 def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
-    """The search with the drift of both marks that the model without effects leaves, and where to begin.
+    """The search with the common drift of both marks from the residuals of the null, and its initial point.
 
-    Asked for before anything is added, or effects that are none would explain it. A large misfit is no drift of a
-    camera; there a usual one is assumed, and asked for once something explains the runs.
+    Drift is estimated before any effect is added, because effects would otherwise explain it. If the misfit of the null
+    is large, a typical drift is assumed, and it is estimated once a model explains the runs.
     """
     usual = replace(part, problem=with_noise_of(replace(part.problem, common_drift=USUAL_DRIFT), begin))
     null = fit_model(usual.problem, begin, [], usual.tolerance, usual.runs)
@@ -195,10 +195,10 @@ def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
 
 
 def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Search:
-    """The search with the noise that its best model leaves; repeated where a misfit had been taken for noise.
+    """The search with the noise from the residuals of its best model, repeated if a misfit had inflated the noise.
 
-    It goes on from its best fits. Under less noise the same misfit is more sigmas, and from the null, or from friction
-    and gains that suited another model, a fit that had converged before may not find its way again.
+    Its initial values are the best fits so far: with less noise a misfit amounts to more sigmas, and a fit from the
+    null, or from the friction and gains of another model, may not converge again.
     """
     for _ in range(2):
         problem = settled_noise(part, part.ranked()[0])
@@ -211,9 +211,9 @@ def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Sea
 
 
 def _swap(part: Search) -> None:
-    """Fit what could stand for an effect of the best set: a linear view overlooks what sticks.
+    """Fit effects that may replace one of the best set, because screening misses nonlinear effects such as sticking.
 
-    Effects without a derivative are left out: nothing here says where they begin, and the search tries them whole.
+    Effects without a derivative are omitted: there are no initial values for them, and the search tries them anyway.
     """
     best = part.ranked()[0]
     for effect, others in (separations(part, best, 0) if best else {}).items():
@@ -226,10 +226,10 @@ def _swap(part: Search) -> None:
 
 
 def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
-    """The best sets of a search fitted again, on all runs."""
+    """The best sets of a search, fitted again to all runs."""
     whole = part.anew(terms=terms, runs=tuple(range(len(part.problem.data))))
     leading = part.ranked()[:RIVALS_KEPT]
-    # the null is kept even where its misfit is too large to converge: everything is measured against it
+    # the null is kept even if its misfit is too large to converge, because all sets are compared with it
     whole.fits[frozenset()] = fit_model(part.problem, part.null.point, [], part.tolerance, whole.runs)
     for ids in leading:
         if ids:
@@ -240,23 +240,23 @@ def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
             if rest not in whole.fits:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]
                 fit_set(whole, rest, {effect: origin.point.terms[effect] for effect in rest}, origin, explained)
-    if leading[0] in whole.failed:  # a run held out is not followed: the verdict stays with those that were fitted
+    if leading[0] in whole.failed:  # the best set does not explain a held-out run: keep the fits without it
         return part.anew(terms=terms, fits=dict(part.fits))
     return whole
 
 
 def refit_without_held_out(part: Search, whole: Search, ids: Set) -> Fit:
-    """A set fitted on the runs of part, from its fit on all runs."""
+    """A set fitted to the runs of part, from its fit to all runs."""
     source = whole.fits[ids]
     wider = whole.anew(tolerance=part.tolerance, runs=part.runs)
     return fit_set(wider, ids, dict(source.point.terms), source) or source
 
 
 def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], progress: Progress) -> None:
-    """Let free-form terms compete: instead of the named effects, and beside them.
+    """Fit free-form terms in place of named effects, and together with them.
 
-    Beside the best set, and beside what would be the answer: a best set that ends at a bound is none, and what it does
-    better than the answer a free-form term may say.
+    They are added to the most probable set and to the answer. These differ if the most probable set ends at a bound; a
+    free-form term may then explain what that set explains better than the answer.
     """
     progress("free-form terms", 0.85)
     ranked = sorted(search.fits, key=lambda ids: -search.fits[ids].posterior.log_evidence)
@@ -280,12 +280,12 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
 
 
 def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], families: int) -> Set:
-    """A fitted set with the effects that do what it wants of known quantities beyond three of their tolerances.
+    """A fitted set, plus effects equivalent to known quantities that it moves beyond three of their tolerances.
 
-    A wheel that is 3 % smaller than its pair, where callipers measure to half a per cent, is a mismatch of the drive,
-    not a measurement of the wheel. Such an effect must earn what one that relieves known values must. Short of that,
-    what is off stays a finding: a laboratory that measured a mark worse than it said is untidy, and no physics. Not on
-    open ground, whose left-overs are no noise and move such quantities.
+    A wheel that is fitted 3 % smaller than its pair, though callipers measure to half a per cent, indicates a mismatch
+    of the drive, not a wrong measurement. Such an effect must gain RELIEVING. If it gains less, the deviation of the
+    quantity is only reported: a laboratory that measured a mark less accurately than stated is no missing physics. Not
+    on open ground, where residuals are not noise and move such quantities.
     """
     if search.problem.open_ground:
         return ids
@@ -302,6 +302,6 @@ def name_what_is_off(search: Search, ids: Set, known: Sequence[Quantity], famili
 
 
 def _pays_for_itself(search: Search, more: Set, ids: Set, families: int) -> bool:
-    """Whether a set can be fitted from where one within it stands, and what it adds earns enough."""
+    """Whether a set can be fitted from the fit of a subset and gains enough over it."""
     found = search.fits.get(more) or fit_set(search, more, {}, search.fits[ids], search.explained)
     return found is not None and score(search, more, families) > score(search, ids, families) + RELIEVING

@@ -1,4 +1,4 @@
-"""Fitted values of quantities known to a tolerance, and where they contradict it."""
+"""Fitted values of quantities known to a tolerance, and tests of whether they contradict it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START, Quantity
 from evaluator.turning.motion.curvature import Z_975
 
-# Effects that do the same as a quantity: a value far outside its tolerance may as well be called by their name.
+# Effects with the same response as a quantity: a value far outside its tolerance may be such an effect.
 ALIKE = {
     CLOCK: "time-base",
     SCALE: "plane-scale",
@@ -22,16 +22,16 @@ ALIKE = {
     **dict.fromkeys(GRAVITY, "mass-offset"),
     **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), "drive-speed-scale"),
 }
-OF_A_MARK = ("_x_mm", "_y_mm")  # ends of the keys of places of marks, and of the centre of gravity
-DETERMINED = 0.5  # share of its variance that a combination loses to the runs where they tell it better than was known
+OF_A_MARK = ("_x_mm", "_y_mm")  # suffixes of the keys of positions of marks and of the centre of gravity
+DETERMINED = 0.5  # share by which the runs reduce the prior variance of a combination that they determine
 MOST_NAMED = 4
-AT_END = 1e-3  # of the range of a value: a fit that is so near its bound has ended there
-FINDING_SIGMAS = 3.0  # a preference beyond so many stated tolerances is told: once in 370 by chance
+AT_END = 1e-3  # of the range of a value: distance from its bound below which a fit is at the bound
+FINDING_SIGMAS = 3.0  # deviation in tolerances from which a value is reported: once in 370 by chance
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """One quantity: as it is taken to be known (1 sigma), and the value that the data prefer with its 95 % interval."""
+    """A quantity with its tolerance (1 sigma), and its fitted deviation with the 95 % interval."""
 
     quantity: Quantity
     found: float
@@ -40,18 +40,18 @@ class Knowledge:
 
     @property
     def is_finding(self) -> bool:
-        """Whether the data want it farther away than anyone who knows it so well would be."""
+        """Whether the fitted deviation contradicts the tolerance."""
         return abs(self.found) > FINDING_SIGMAS * self.quantity.sigma
 
     @property
     def alike(self) -> str | None:
-        """Id of the effect that would do the same, if there is one."""
+        """Id of the effect with the same response, if there is one."""
         key = self.quantity.key
         return ALIKE.get(key, "mark-offset" if key.endswith(OF_A_MARK) else None)
 
     @property
     def sentence(self) -> str:
-        """What the data want, in plain words."""
+        """The deviation in words."""
         item = self.quantity
         if item.key == "start_common_s":
             way = "later" if self.found > 0 else "earlier"
@@ -62,7 +62,7 @@ class Knowledge:
 
 
 def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]:
-    """All quantities with the values that a fit prefers; those it does not hold stay as they are known."""
+    """All quantities with their fitted deviations; quantities that are not in the fit keep their tolerance."""
     sigma = np.sqrt(np.diag(fit.posterior.covariance))
     at = {column.key: i for i, column in enumerate(fit.columns) if column.term is None}
     result = []
@@ -77,17 +77,18 @@ def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]
 
 
 def as_taken(item: Quantity) -> Knowledge:
-    """A quantity of which the runs say nothing: as it is taken to be known."""
+    """A quantity that the runs do not determine, with its tolerance."""
     half = Z_975 * item.sigma
     return Knowledge(item, 0.0, -half, half)
 
 
 @dataclass(frozen=True)
 class Together:
-    """All values known to a tolerance at once: how far the data want them, each within its tolerance or not.
+    """Joint test of all values known to a tolerance.
 
-    square: sum of the squares of their preferences, in tolerances; freedom: how many combinations the runs tell. Where
-    nothing is missing the square is chi-square of this freedom. furthest: keys, most first, with tolerances.
+    square: sum of the squared deviations in tolerances; freedom: number of combinations that the runs determine. If the
+    model is complete, square is chi-square distributed with this freedom. furthest: keys with deviations in tolerances,
+    largest first.
     """
 
     square: float
@@ -101,11 +102,11 @@ class Together:
 
     @property
     def is_finding(self) -> bool:
-        """Whether they are farther off than chance allows: as seldom as one of them beyond FINDING_SIGMAS."""
+        """Whether the deviations are significant jointly, at the probability of FINDING_SIGMAS."""
         return self.probability < 2 * float(special.ndtr(-FINDING_SIGMAS))
 
     def sentence(self, quantities: Sequence[Quantity]) -> str:
-        """What is off, in plain words."""
+        """The largest deviations in words."""
         names = {item.key: item.name for item in quantities}
         most = ", ".join(f"{names.get(key, key)} {sigmas:+.1f}" for key, sigmas in self.furthest[:MOST_NAMED])
         return (
@@ -115,11 +116,11 @@ class Together:
 
 
 def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
-    """The joint preference of a fit, but for the start of motion: hands that start a camera are as late as they like.
+    """Joint test of the values of a fit, except for the start of motion, because cameras are started by hand.
 
-    With prior 1 (in tolerances) and posterior covariance S the preferences scatter by 1 - S, if nothing is missing. Of
-    the combinations that are independent there, those count that the runs tell better than the laboratory knew them.
-    Source: Box (1980), J. R. Stat. Soc. A 143, 383 (check of a prior by what it predicts).
+    With prior covariance 1 (in tolerances) and posterior covariance S, deviations have the covariance 1 - S if the
+    model is complete. Of its eigenvectors, those count that the runs determine.
+    Source: Box (1980), J. R. Stat. Soc. A 143, 383 (prior predictive check).
     """
     at = [i for i, column in enumerate(fit.columns) if column.term is None and column.key != START]
     if not at:
@@ -146,8 +147,8 @@ def far(fit: Fit, tolerance: Mapping[str, float]) -> frozenset[str]:
 def strained(fit: Fit, without: Fit, tolerance: Mapping[str, float], *, on_ground: bool = False) -> frozenset[str]:
     """Values known to a tolerance that a fit moves beyond FINDING_SIGMAS of it, and the fit without effects does not.
 
-    The start of motion does not count: hands that start a camera are as late as they like. Nor is the fit without
-    effects an excuse, on open ground, for what ends at its bound: there it explains nothing, and goes anywhere.
+    The start of motion does not count, because cameras are started by hand. On open ground, values at their bounds
+    count even if the fit without effects moves them too, because that fit explains nothing there.
     """
     ended: frozenset[str] = frozenset()
     if on_ground:

@@ -18,10 +18,10 @@ from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 Floats = NDArray[np.float64]
 Set = frozenset[str]
 
-# Two effects closer than this in these data are named together: a rival four sigmas away would win by chance
-# in Φ(-4/2) = 2 % of experiments, one nearer more often.
+# Separation below which two effects are reported as indistinguishable: at four sigmas the wrong one is more probable in
+# Φ(-4/2) = 2 % of experiments.
 SAME_SIGMAS = 4.0
-FREE_PRIOR = 0.05  # one lab in twenty has physics that no list holds
+FREE_PRIOR = 0.05  # one laboratory in twenty has physics that is not in the catalogue
 
 
 def is_free(effect: str) -> bool:
@@ -32,7 +32,7 @@ def is_free(effect: str) -> bool:
 def score(search: Search, ids: Set, families: int) -> float:
     """Log evidence plus log prior of a set, free-form terms included.
 
-    Of a fit that did not converge this is the least that it can be; minus infinity where there is none at all.
+    A lower bound if the fit did not converge; minus infinity if there is none.
     """
     named = [effect for effect in ids if not is_free(effect)]
     free = len(ids) - len(named)
@@ -50,7 +50,7 @@ class Standing:
 
     @property
     def probability(self) -> Floats:
-        """Probability of every set among those fitted."""
+        """Probability of every set, if one of the fitted ones is true."""
         weight = np.exp(self.scores - self.scores.max())
         return np.asarray(weight / weight.sum())
 
@@ -59,13 +59,13 @@ class Standing:
         return float(self.scores[self.sets.index(ids)])
 
     def share_of(self, sets: Iterable[Set], among: Iterable[Set]) -> float:
-        """Probability of any of these sets if one of those among which they are is right."""
+        """Probability that one of these sets is true, if one of those among which they are is true."""
         scores = {ids: self.of(ids) for ids in among}
         weight = {ids: np.exp(score - max(scores.values())) for ids, score in scores.items()}
         return float(sum(weight[ids] for ids in sets) / sum(weight.values()))
 
     def containing(self, effect: str, among: Iterable[Set]) -> float:
-        """Probability that an effect takes part if one of these sets is right."""
+        """Probability that an effect acts, if one of these sets is true."""
         sets = list(among)
         return self.share_of([ids for ids in sets if effect in ids], sets)
 
@@ -78,12 +78,12 @@ def standing(search: Search, families: int) -> Standing:
 
 
 def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, dict[str, float]]:
-    """How many sigmas every other effect stays away from each effect of a fitted set, in these very runs.
+    """Separation in sigmas of every other effect from each effect of a fitted set, by these runs.
 
-    The prediction of effect A at its fitted size is fitted by B with nuisances, scatter and the rest of the set free;
-    what cannot be fitted, in sigmas, is the separation that another data set of this kind would show on average. That
-    is a linear view without bounds: a B that it calls near, the most of them that are nearest, is fitted in place of A.
-    A B that is fitted there stays away by what its odds say.
+    The prediction of effect A at its fitted size is fitted by B with nuisance parameters, scatter and the rest of the
+    set free; the norm of the residual is the mean separation in experiments of this kind. This is a linearization
+    without bounds: therefore the nearest B, at most `most` of them, are fitted in place of A. The separation of a B
+    that is fitted follows from its odds.
     """
     fit = search.fits[ids]
     named = [term for effect, term in search.terms.items() if not is_free(effect)]
@@ -109,10 +109,10 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
 
 
 def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -> dict[str, float]:
-    """Fit near effects in place of one of a set; separations of those that cannot be fitted there.
+    """Fit near effects in place of one of a set; return separations of those that cannot be fitted there.
 
-    Of these the linear view from the set without either tells as much: beside an effect that
-    follows the load, a weaker magnet looks like a smaller effect; without it, it does nothing of the kind.
+    Their separation is at least that of a linearization at the set without either effect: beside an effect that depends
+    on load, a weaker magnet resembles a smaller effect; without that effect, it does not.
     """
     without = search.fits.get(ids - {effect})
     if without is None or not near:
@@ -129,12 +129,12 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
 
 
 def _odds_sigmas(fit: Fit, evidence: float) -> float:
-    """Sigmas that a log evidence lies below that of a fit."""
+    """Difference of a log evidence from that of a fit, in sigmas; 0 if it is higher."""
     return float(np.sqrt(2 * max(fit.posterior.log_evidence - evidence, 0.0)))
 
 
 def _left_over(model: MixedModel, at: int, own: Sequence[int], size: Floats, others: Sequence[int]) -> float:
-    """Norm of own columns at size, orthogonal to the others, in sigmas."""
+    """Norm of the response to own columns at size, orthogonal to the others, in sigmas."""
     (G,) = model.inner(at=[at])
     H = G[np.ix_(others, others)] + np.diag(model.prior[list(others)])
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
@@ -149,7 +149,7 @@ def _nearest(model: MixedModel, scatter: Floats) -> int:
 
 
 def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:
-    """Log density of runs that were not fitted, given a fit: parameters with their uncertainty, scatter as fitted."""
+    """Log predictive density of runs that were not fitted, with the posterior of a fit and its scatter."""
     columns = fit.columns
     theta = np.array([fit.point.value(column) for column in columns])
     point = place_runs(search.problem, fit.point, runs, fit.posterior.scatter)
@@ -166,7 +166,7 @@ def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:
 
 
 def confirmation(part: Search, fit: Fit, held_out: Sequence[int]) -> float:
-    """Gain in log density of the runs held out over the null; NaN where the null cannot even be simulated there."""
+    """Gain in log density of held-out runs over the null; NaN if the null cannot be simulated there."""
     try:
         return predictive_score(part, fit, held_out) - predictive_score(part, part.null, held_out)
     except FloatingPointError:

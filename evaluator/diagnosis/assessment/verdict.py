@@ -24,66 +24,65 @@ from evaluator.wording import counted
 
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 
-# An effect stays in the model where leaving it out costs this much of the log posterior, by the size of the set: odds
-# of 3000 to 1, for a second one as for the first, or for a free-form term. Odds of 90 to 1 were enough in worlds whose
-# errors are exactly those of the model; in the second world (tests/laboratory), whose errors are not, an untidy
-# experiment earned 1100 to 1 (7.0), and a second effect beside a true one 900 to 1 (6.8), a gradient of friction on a
-# plate without one: that something is missing says nothing of what else is. An effect that shows by five sigmas earns
-# about nine. Several named effects together can imitate physics that has no name, so sets of three must earn more.
+# An effect stays in the model if its removal costs this much of the log posterior, by the size of the set: odds of
+# 3000 to 1 for the first effect, for a second one, and for a free-form term. Odds of 90 to 1 were sufficient for
+# simulated experiments whose errors are exactly those of the model; in the second world (tests/laboratory), whose
+# errors are not, an untidy experiment without effect reached 1100 to 1 (7.0), and a gradient of friction beside a true
+# effect, on a plate without gradient, 900 to 1 (6.8). An effect that is significant by five sigmas gains about nine.
+# Several named effects together can imitate physics outside the catalogue, so sets of three must gain more.
 KEEP = (8.0, 8.0, 8.0, 12.0)
-# And this much, odds of 400 to 1, where it stands for values that would have to be off by more than chance allows: then
-# something is missing anyway.
+# An effect that explains otherwise significant deviations of known values needs only this much, odds of 400 to 1,
+# because the model is then known to be incomplete.
 RELIEVING = 6.0
-# Named effects are the answer where the free-form terms together have at most this probability beside them. In
-# development experiments they had 0.01 % at most where the named effects were true (34 of 34; in two made by another
-# program, 15 and 17 %), and 79 % or more where these imitated something else (17 of 19; in two, where the data do not
-# tell it from the named ones, 14 and 15 %).
+# Named effects are the answer if all alternatives with free-form terms together have at most this probability. In
+# development experiments they had at most 0.01 % if the named effects were true (34 of 34; 15 and 17 % in two that
+# another program simulated), and at least 79 % if the named effects imitated something else (17 of 19; 14 and 15 % in
+# two whose data do not distinguish it from the named ones).
 DOUBT = 0.2
-# Left-overs above noise: mean square and its standard errors. The noise of slow modes is carried over from fast ones,
-# which is good to some ten per cent; beyond, motion is left.
+# Excess of the residuals over noise: mean square, and standard errors. The noise of slow modes is extrapolated from
+# fast ones to some ten per cent; a larger excess is motion.
 EXCESS = 1.12
 EXCESS_SIGMA = 5.0
-# A free-form term is the answer where it predicts commands left out better by so much, and by so many of its standard
-# errors. Of right answers in the development bank no free-form term gained more than 1.5, of wrong ones eight and more.
-# One of a hundred families may gain as much by chance: it must be the more probable than without it, and with all that
-# stands beside it more probable than nothing. Under heavy-tailed noise one beside a scale that was off by chance,
-# together 29 times less probable than nothing, has passed for physics.
+# A free-form term is the answer if it predicts left-out commands better by this log density, and by so many of its
+# standard errors. In the development bank free-form terms gained at most 1.5 over right answers, and eight or more over
+# wrong ones. One of a hundred families may gain as much by chance: therefore its set must also be more probable than
+# the set without it and than the null. Under heavy-tailed noise, a free-form term beside a scale that deviated by
+# chance, together 29 times less probable than the null, would otherwise have been the answer.
 BETTER_BY, BETTER_SIGMAS = 4.0, 2.0
 FALSE_POSITIVE = 0.05  # probability that the interval of any coefficient of a family excludes zero by chance
-# Friction and gains that depend on something known are not chance: the probability at which that is believed.
+# Probability below which a dependence of friction and gains on something known is significant.
 NOT_CHANCE = 1e-3
 LATE = "command-lag"  # does what a clock does that is off, where commands and poses are logs
 
 
-# On open ground what the best model leaves is the noise, and a hundred families that each follow some of it pay by the
-# measure above. There a term without a name is an answer only where it lessens the left-overs of the runs by this share
-# (RMS): less is within what ground does anyway. A run of a few seconds has about so many slow modes that could tell.
+# On open ground the noise is estimated from the residuals, and many of a hundred families are significant by the
+# criterion above. There a free-form term is an answer only if it reduces the residuals by this share (RMS); smaller
+# reductions are within the variation of the ground. A run of a few seconds has about three independent slow modes.
 MATERIAL, SLOW_MODES = 0.2, 3
 
 
 def material_gain(runs: int) -> float:
-    """Log evidence that free-form terms must bring beside what they stand with, on open ground."""
+    """Log evidence that free-form terms must gain on open ground over the named effects of their set."""
     return -SLOW_MODES * runs * math.log(1 - MATERIAL)
 
 
 def least_gain(ids: Set) -> float:
-    """Log odds that each effect of a set must earn."""
+    """Log odds that each effect of a set must gain."""
     return KEEP[min(len(ids), LARGEST_SET - 1 if any(map(is_free, ids)) else LARGEST_SET)]
 
 
-# Values that no set may move beyond three of their tolerances, unless the model without effects does so too. Of some
-# 25, one in fifteen laboratories has one so far off, one in five hundred two. Two effects that undo each other, or an
-# effect and the tolerances, run away against each other and drag several with them.
+# Number of values moved beyond three of their tolerances from which a set is rejected, unless the model without effects
+# moves them too. Of some 25 values, one deviates so far in one of fifteen laboratories, two in one of five hundred.
+# Effects that cancel each other, or an effect that cancels tolerances, reach extreme sizes and move several.
 STRAINED = 2
 
 
 def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
-    """Whether each effect of a set pays for itself, and all together, and what is known holds: it may be an answer.
+    """Whether a set may be an answer: each effect and the whole set are significant, and known values are respected.
 
-    A single named effect need earn less where it stands for what else several values together would have to be off by
-    more than chance allows. A set with an effect at the bound of what it may be stands for something that it is not. On
-    open ground odds alone say little, as the noise is what the best model leaves: there each effect must carry over to
-    commands left out, too.
+    A single named effect needs smaller odds if it explains significant deviations of known values. A set with an effect
+    at a bound is no answer, because it imitates something else. On open ground odds are insufficient, because the noise
+    is estimated from the residuals: there each effect must also improve the prediction of left-out commands.
     """
     return has_the_odds(search, table, families, ids) and (not search.problem.open_ground or carries_over(search, ids))
 
@@ -107,41 +106,41 @@ def _is_stood_for(search: Search, effect: str, ids: Set) -> bool:
 
 
 def has_the_odds(search: Search, table: Standing, families: int, ids: Set) -> bool:
-    """Whether each effect of a set pays for itself by its odds, and all together, and what is known holds: see pays."""
+    """Whether each effect and the whole set have sufficient odds, and known values are respected: see pays."""
     if not may_be_right(search, ids):
         return False
     least, first = least_gain(ids), KEEP[1]
     if len(ids) == 1 and not any(map(is_free, ids)) and _relieves(search, ids):
         least = first = RELIEVING
-    # two effects that undo each other cost much to part, and may together gain nothing over none
+    # two effects that cancel each other are each costly to remove, but together may gain nothing over none
     gained = not ids or table.of(ids) - score(search, frozenset(), families) > first
     return gained and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
 
 
 def may_be_right(search: Search, ids: Set) -> bool:
-    """Whether a set may be an answer, however probable: it neither ends at a bound nor bends what is known."""
+    """Whether a set may be an answer regardless of its odds: no effect at a bound, and known values respected."""
     return not (ids and (_strains(search, ids) or _at_bounds(search, ids)))
 
 
 def _relieves(search: Search, ids: Set) -> bool:
-    """Whether what is known to a tolerance is off beyond chance without a set, all together, and not with it."""
+    """Whether values known to a tolerance deviate significantly without a set, jointly, and not with it."""
     without, with_it = (together(fit, search.tolerance) for fit in (search.null, search.fits[ids]))
     return without.is_finding and not with_it.is_finding
 
 
 def _at_bounds(search: Search, ids: Set) -> bool:
-    """Whether a set has an effect at or beyond the bound of what it may be: it stands for something that it is not."""
+    """Whether a set has an effect at or beyond a bound of its size, so that it imitates something else."""
     return bool(search.fits[ids].at_bounds or search.fits[ids].unbelieved)
 
 
 def _strains(search: Search, ids: Set) -> bool:
-    """Whether a set stands only where values lie that no laboratory would have stated."""
+    """Whether a set needs implausible deviations of known values."""
     far = strained(search.fits[ids], search.null, search.tolerance, on_ground=search.problem.open_ground)
     return len(far) >= STRAINED
 
 
 def best_named(search: Search, table: Standing, families: int) -> Set:
-    """The best set of named effects of which each pays for itself."""
+    """The best set of named effects in which each effect is significant."""
     named = (ids for ids in table.sets if not any(map(is_free, ids)))
     return next(ids for ids in named if pays(search, table, families, ids))
 
@@ -149,12 +148,12 @@ def best_named(search: Search, table: Standing, families: int) -> Set:
 def decide(
     search: Search, table: Standing, families: int, named: Set, least_material: float = -math.inf
 ) -> tuple[Set, Verdict, str]:
-    """Verdict between the best named set and everything free-form.
+    """Verdict between the best named set and all sets with free-form terms.
 
-    Several effects of which one does not pay speak for nothing: three that were refused for imitating what has no name
-    do not support two of them, and a term without a name that gains little beside named ones casts no doubt on these.
-    least_material: see material_gain; minus infinity but on open ground. There a term without a name makes an unknown
-    of the runs only if it predicts commands left out better, too, and if its size is told over commands.
+    Sets with an effect that is not significant do not count: three effects that were rejected as an imitation do not
+    support two of them, and a free-form term that gains little beside named effects does not contradict these.
+    least_material: see material_gain; minus infinity except on open ground. There a free-form term leads to "unknown"
+    only if it also predicts left-out commands better, and if its size is significant over commands.
     """
 
     def named_of(ids: Set) -> Set:
@@ -167,14 +166,14 @@ def decide(
     free = [ids for ids in within if ids != named_of(ids) and gain(ids) > least_material]
     answers = [ids for ids in within if len(ids) == 1 or pays(search, table, families, ids)]
     likely = [ids for ids in answers if ids in free]
-    # on open ground what is left is the noise, so that odds alone say little: it must carry over, too
+    # on open ground the noise is estimated from the residuals, so that odds are insufficient: see pays
     if least_material > -math.inf:
         free = [ids for ids in free if _is_significant(search, ids)]
         likely = [ids for ids in likely if ids in free and _predicts(search, ids, named)]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
-    # also better than named effects that do not pay for themselves: chance that looks like one looks like both
+    # also better than named effects that are not significant, because chance may imitate both kinds
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
         if (
@@ -196,7 +195,7 @@ def decide(
 
 
 def _predicts(search: Search, ids: Set, other: Set) -> bool:
-    """Whether a set predicts commands left out better than another, beyond chance; yes where that was not fitted."""
+    """Whether a set predicts left-out commands significantly better than another; True if that was not fitted."""
     if other not in search.fits:
         return True
     fits = search.fits[ids], search.fits[other]
@@ -207,7 +206,7 @@ def _predicts(search: Search, ids: Set, other: Set) -> bool:
 
 
 def _is_significant(search: Search, ids: Set) -> bool:
-    """Whether each term without a name has a coefficient that is not nought, in intervals that hold over commands."""
+    """Whether each free-form term has a coefficient that differs from zero by the jackknife over commands."""
     fit = search.fits[ids]
     sigma = np.sqrt(np.diag(covariance_over_commands(fit, search.problem.data, search.tolerance)))
     size = np.abs([fit.point.value(column) for column in fit.columns])
@@ -220,7 +219,7 @@ def _is_significant(search: Search, ids: Set) -> bool:
 
 
 def doubts(left: Adequacy, constant: Sequence[Constancy]) -> str:
-    """Why what a model leaves over is not noise and chance; empty where it is."""
+    """The reason why residuals and random effects of a model are not random; empty if they are."""
     if left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
         return f"residuals are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
     if left.order_p < NOT_CHANCE:

@@ -35,35 +35,36 @@ Floats = NDArray[np.float64]
 MOST_STEPS = 10
 # Predicted decrease of -2 log density below which a fit has converged: a hundredth of what any decision needs.
 SETTLED = 0.05
-# A step that fails below this predicted decrease met the roughness of the density, or its curvature, not a wrong
-# direction: over 26 runs, some of them turns on the spot, it varied by 0.8 between points that are all but the same;
-# with two dozen quantities known to a tolerance, some worth hundreds of sigmas together, 3.6 were predicted where
-# nothing was left to gain. Decisions take seven and more.
+# If a step fails below this predicted decrease, the cause is roughness or curvature of the density, not a wrong
+# direction: over 26 runs, some of them turns on the spot, the density varied by 0.8 between nearly identical points;
+# with two dozen quantities known to a tolerance, some determined to hundreds of sigmas together, 3.6 were predicted at
+# the optimum. Decisions need seven and more.
 STALLED = 5.0
-# A decrease that stays above this share of the one predicted before, and rests on friction or gains that no run can
-# have, does not come. In four experiments that nothing explains, 164 of 169 fits that stalled wanted such, and one of
-# 63 that converged.
+# A predicted decrease is not attainable if it exceeds this share of the one before and requires implausible friction
+# or gains of a run. In four experiments without any adequate model, 164 of 169 fits that stalled required such values,
+# and one of 63 that converged.
 NO_PROGRESS = 0.5
 DAMPINGS = (1.0, 0.4, 0.12, 0.03)
-# Steps in a row on ground that bring nothing. There a robot that hardly overcomes the friction of its own turning goes
-# on along one of two ways, and a per cent of a parameter decides which: the density jumps by tens, wherever one is, and
-# a search that only goes down is soon caught (of twelve fits of three models, four ended 50 to 100 above the others of
-# their model; so, none). It goes on to where the linear view leads, and keeps the best point that it met. What the view
-# there predicts and no step reached is taken from the evidence, which is then that of the very point.
+# Consecutive steps on open ground without improvement before a fit ends. There a robot that hardly overcomes the
+# friction of its own turning follows one of two paths, and a per cent of a parameter decides which: the density jumps
+# by tens everywhere, and a monotone search ends in a local minimum (of twelve fits of three models, four ended 50 to
+# 100 above the others of their model; without monotonicity, none). Therefore a fit continues without improvement and
+# returns the best point met. The decrease that the linearization there predicts is subtracted from the evidence, which
+# is then the evidence of that point.
 # Source: the watchdog technique, Chamberlain, Powell, Lemarechal & Pedersen (1982), Math. Program. Study 16, 1.
 WATCHED = 3
-# Of log evidence below that of a model that explains the runs: a fit that lags by more is given up where a step does
-# not close half of it. Sets that come in for a verdict end within ten of one another.
+# Log evidence below that of a model that explains the runs, beyond which a fit ends if a step does not halve the
+# difference. Sets that matter for a verdict end within ten of one another.
 LAGGING = 60.0
 CLOSING = 0.5
-# Of the decrease that was promised a step before: where old slopes promise more than this, they seldom lead on. Of 45
-# such steps of one diagnosis, 15 of 18 below it were better than the point before, and 8 of 27 above it.
+# Share of the decrease that was predicted a step before. If corrected slopes predict more than this, the next step
+# seldom improves: of 45 such steps of one diagnosis, 15 of 18 below it improved, and 8 of 27 above it.
 CARRIES = 0.1
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model: which terms, where, how well."""
+    """A fitted model: its terms, point, posterior and linearization."""
 
     terms: frozenset[str]
     point: Point
@@ -73,42 +74,42 @@ class Fit:
     linearized: tuple[Linearized, ...]
     converged: bool
     runs: tuple[int, ...]
-    steps: int = 1  # that it took: linear views of all its runs
-    # of -2 log density: the decrease that the last view predicted and no step reached; half is taken from the evidence
+    steps: int = 1  # number of linearizations of all its runs
+    # predicted decrease of -2 log density that no step reached; half of it is subtracted from the evidence
     shortfall: float = 0.0
 
     @cached_property
     def excess(self) -> float:
-        """Mean square of what is left of the whitened features: 1 for noise."""
+        """Mean square of the whitened residuals: 1 for noise."""
         theta = np.array([self.point.value(column) for column in self.columns])
         squares, freedom = left_overs(self.linearized, self.columns, theta)
         return float(squares.sum() / freedom.sum())
 
     @property
     def at_bounds(self) -> frozenset[str]:
-        """Effects with an estimate where the range of what it may be ends: the data want more than there can be."""
+        """Effects with an estimate at a bound of its physical range."""
         return frozenset(column.key for column in self.columns if is_at_bound(column, self.point.value(column)))
 
     @property
     def unbelieved(self) -> frozenset[str]:
-        """Effects of a size that is believed beside another one alone, which is not in the model."""
+        """Effects of a size that is plausible only together with another effect, which the model lacks."""
         sizes = [(c.term, self.point.value(c)) for c in self.columns if c.term is not None and c.coordinate == 0]
         return frozenset(term.id for term, size in sizes if not term.believed(size, self.terms))
 
     @property
     def overreaches(self) -> bool:
-        """Whether the model wants friction or gains of some run that no run can have: a misfit taken for scatter."""
+        """Whether some run has implausible friction or gains, which conceal the misfit of the model."""
         per_run = run_effects(self.reduced, self.posterior.mean, self.posterior.scatter)[0]
         return bool(np.any(np.abs(per_run) > MOST_SCATTER))
 
     def counting(self, parameters: int) -> Fit:
-        """The fit with its evidence lowered for parameters that were chosen among alternatives, not fitted (BIC)."""
+        """The fit with its evidence reduced by the BIC for parameters chosen among alternatives and not fitted."""
         less = 0.5 * parameters * float(np.log(len(self.runs)))
         return replace(self, posterior=replace(self.posterior, log_evidence=self.posterior.log_evidence - less))
 
 
 def model_columns(terms: Sequence[Candidate], tolerance: Mapping[str, float]) -> tuple[Column, ...]:
-    """Columns of a model: nominal values that may move, then the coordinates of its terms."""
+    """Columns of a model: nominal values with a tolerance, then the coordinates of its terms."""
     nominal = tuple(Column(key) for key, value in tolerance.items() if value > 0)
     return nominal + tuple(Column(term.id, i, term) for term in terms for i in range(term.size))
 
@@ -129,13 +130,13 @@ def fit_model(
     held: Column | None = None,
     rival: float = -np.inf,
 ) -> Fit:
-    """Fit terms with nuisances free, from start (whose values of these terms are kept where given).
+    """Fit terms together with all nuisance parameters, from a start that may contain values of these terms.
 
-    fixed: terms that take part at values that stay, as those without a derivative do. most_scatter: of friction and
-    gains on the way, where a misfit must not be taken for scatter; the posterior knows no such limit. held: a
-    coordinate of a term that stays as it is at the start. rival: log evidence of a model that explains the runs, which
-    this one has to come near. A fit that was made before is only looked at again where it ended. FloatingPointError
-    where a run cannot be simulated; SearchStoppedError, or what the progress raises, where it is to end.
+    fixed: values of terms that are not fitted, because they have no derivative. most_scatter: limit of the scatter of
+    friction and gains during the steps, so that they do not absorb a misfit; the posterior has no such limit. held: a
+    coordinate of a term that keeps its value at the start. rival: log evidence of a model that explains the runs; the
+    fit ends early if it stays far below. A fit in the cache is linearized at its end without further steps.
+    FloatingPointError if a run cannot be simulated; SearchStoppedError, or an error of the progress, if it is stopped.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
     columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
@@ -174,7 +175,7 @@ def _viewed(
     tolerance: Mapping[str, float],
     runs: tuple[int, ...],
 ) -> Fit:
-    """The linear view of a model at a point, as a fit that has not converged."""
+    """The linearization of a model at a point, as a fit that has not converged."""
     linear = problem.linearized(point, columns, runs)
     reduced = reduce_runs(linear)
     prior = prior_precision(columns, tolerance)
@@ -190,9 +191,9 @@ def _viewed(
 def _within_bounds(
     posterior: Posterior, reduced: Reduced, columns: Sequence[Column], tolerance: Mapping[str, float]
 ) -> Posterior:
-    """The posterior with evidence, scatter and misfit of the model whose parameters stop at their bounds.
+    """The posterior with evidence, scatter and misfit of the parameters within their bounds.
 
-    What only a value beyond would gain, a negative moment of scrub, is no evidence. Mean and covariance stay.
+    A gain by values beyond them, such as a negative moment of scrub, is not evidence. Mean and covariance are kept.
     """
     prior = prior_precision(columns, tolerance)
     low, high = bounds(columns, tolerance)
@@ -217,9 +218,9 @@ def _fitted(
     most_scatter: Floats,
     rival: float,
 ) -> Fit:
-    """Steps from a point until nothing moves, no step helps, or it lags behind a rival for good."""
+    """Take steps from a point until the fit converges, does not improve, or lags too far behind a rival."""
     before, lagged = np.inf, np.inf
-    ends: list[tuple[float, Fit]] = []  # on ground: -2 log density at each point, and the fit were it to end there
+    ends: list[tuple[float, Fit]] = []  # on open ground: -2 log density at each point, and the fit if it ended there
     for step in range(MOST_STEPS):
         problem.watch.look()
         fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
@@ -249,9 +250,9 @@ def _fitted(
 def _carried_on(
     problem: Problem, fit: Fit, optimum: Optimum, point: Point, tolerance: Mapping[str, float], most_scatter: Floats
 ) -> Point:
-    """Where the slopes at hand lead on to from a point that a line search found, corrected by what each step changed.
+    """Further steps from the point of a line search, with slopes that are corrected by secants instead of recomputed.
 
-    A view with slopes of its own costs as much as a dozen such steps, and follows anyway to tell whether they settled.
+    New slopes cost as much as a dozen such steps, and are computed afterwards in any case to test convergence.
     """
     sizes = np.concatenate([[column.step for column in fit.columns], problem.per_run_steps])
     while True:
@@ -296,9 +297,9 @@ def _with_shortfall(fit: Fit, predicted: float) -> Fit:
 def _line_search(
     problem: Problem, fit: Fit, optimum: Optimum, dampings: Sequence[float] = DAMPINGS
 ) -> tuple[Point, bool]:
-    """The first point on the way to the goal that is better than now, and whether there is one; else the farthest.
+    """The first point toward the goal that improves, and True; otherwise the farthest point, and False.
 
-    Start pose and random effects of every run are fitted anew; the slopes by them of the view at hand serve nearby.
+    Start pose and random effects of every run are fitted at each point, starting with the slopes of the fit.
     """
     farthest = None
     for damping in dampings:

@@ -1,4 +1,4 @@
-"""Optimum of a linearized model: the most probable parameters, and the predicted density there."""
+"""Optimum of a linearized model: the most probable parameters, and the predicted gain in density."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Optimum:
-    """Common parameters (p,) theta now and at the goal, and the random effects (n, 4) of the runs there.
+    """Most probable parameters of a linearized model.
 
-    now: -2 log density of each run, the last of the priors (n + 1,). predicted: its decrease.
+    theta: (p,) current common parameters. goal: (p,) their optimum. per_run: (n, 4) random effects of the runs there.
+    prior: (p,) precision of the parameters. scatter: (4,) of the random effects. now: (n + 1,) -2 log density of each
+    run at theta, then of the prior. predicted: decrease of its sum at the goal.
     """
 
     theta: Floats
@@ -38,7 +40,7 @@ def optimum_of(
     scatter: Floats,
     bounds: tuple[Floats, Floats],
 ) -> Optimum:
-    """The most probable parameters within bounds, seen from theta (p,) and random effects (n, 4) of the runs there."""
+    """The most probable parameters within bounds; theta: (p,) and per_run: (n, 4), current parameters."""
     now = _objective(linear, theta, per_run, prior, scatter)
     goal = solve_within(reduced, prior, scatter, *bounds)
     there = run_effects(reduced, goal, scatter)[0]
@@ -47,7 +49,7 @@ def optimum_of(
 
 
 def _objective(linear: Sequence[Linearized], theta: Floats, per_run: Floats, prior: Floats, scatter: Floats) -> Floats:
-    """-2 log density of each run in the linear view, with its best start pose, and last of the priors, (n + 1,)."""
+    """-2 log density of each run by linearization, with its best start pose, then that of the prior, (n + 1,)."""
     values = []
     for number, item in enumerate(linear):
         left = item.response - item.common @ theta - item.scatter @ per_run[number]

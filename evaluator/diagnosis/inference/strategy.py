@@ -1,7 +1,8 @@
-"""Search over sets of effects: a linear screening of everything, then full fits of what is promising.
+"""Search over sets of effects: a linear screening of all candidates, then nonlinear fits of the promising ones.
 
-One linearization with every candidate's derivatives serves all singles, pairs and triples. A misfit that is large
-inflates the scatter and blurs the view from the null, so every promising fit is linearized again and asked what to add.
+One linearization with the derivatives of every candidate serves all singles, pairs and triples. A large misfit of the
+null inflates the scatter and makes screening there inaccurate, so every promising fit is linearized again to screen
+further effects.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ from evaluator.progress import Progress
 SINGLES_REFITTED = 7
 ADDITIONS_REFITTED = 3
 PAIRS_FROM_NULL = 2
-WHOLE_CHANGES_REFITTED = 2  # two neighbouring gaps between commands: the noise decides
+WHOLE_CHANGES_REFITTED = 2  # of a threshold between two neighbouring gaps of the commands, where the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
-BEAM = (2, 1)  # sets of one, of two effects from which the search goes on
-HOPELESS = 25.0  # a screened set this far (log evidence) below the best is not refitted
-# An addition must promise this much evidence to be fitted: less than half of what it must bring to be kept.
+BEAM = (2, 1)  # sets of one and of two effects that are extended
+HOPELESS = 25.0  # log evidence below the best screened set, beyond which a set is not fitted
+# Gain in log evidence by screening from which an addition is fitted: less than half of what it needs to be kept.
 PROMISING = 2.0
 
 
 def run_search(search: Search, start: Point, nominal: Point, progress: Progress, seeds: Sequence[Fit] = ()) -> None:
     """Fill search.fits with the null, the promising singles, pairs and triples.
 
-    start: of the null. nominal: the model as its file says, start poses aligned. seeds: fits of this experiment that
-    are near already; the search then goes on from them, not from the null.
+    start: initial value of the null. nominal: the model with the values of its file, start poses aligned. seeds: fits
+    of this experiment that serve as initial values instead of the null.
     """
     search.fits[frozenset()] = fit_model(search.problem, start, [], search.tolerance, search.runs)
     progress("screening", 0.1)
@@ -42,9 +43,9 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
             fit_set(search, seed.terms, seed.point.terms, seed)
     if len(search.fits) == 1:
         _fit_whole_changes(search, nominal)
-        if len(search.fits) == 1 or search.null.converged:  # else it is no view: it did not settle
+        if len(search.fits) == 1 or search.null.converged:  # screening at a null that did not converge is misleading
             _from_the_null(search)
-        if search.problem.horizon_s == np.inf:  # else every single effect was fitted
+        if search.problem.horizon_s == np.inf:  # over short horizons every single effect is fitted already
             _from_the_nominal(search, nominal)
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
@@ -56,10 +57,10 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
 
 
 def _fit_whole_changes(search: Search, nominal: Point) -> None:
-    """Fit the single effects without a derivative from the nominal model.
+    """Fit the single effects without a derivative, from the nominal model.
 
-    There the data want the whole change or none. The null has bent friction, gains and poses to what it cannot
-    do, a robot that stands still where it should move, and from there no whole change looks right.
+    The friction, gains and poses of the null are distorted by motion that it cannot produce, such as a robot that
+    stands still though commanded to move; from there no finite change improves the fit.
     """
     stepwise = [term for term in search.terms.values() if term.stepwise]
     view = screen(search, nominal, (), stepwise)
@@ -70,10 +71,10 @@ def _fit_whole_changes(search: Search, nominal: Point) -> None:
 
 
 def _from_the_null(search: Search) -> None:
-    """Fit the singles that the linear view from the null promises, and the pairs that gain by being together."""
+    """Fit the best singles by screening at the null, and the pairs that gain more than each of their effects alone."""
     view = screen(search, search.null.point, (), search.terms.values())
     ordered = _ordered(view, view.offers)
-    # over a short horizon the misfit is large and the linear view a poor guide: there every single effect is fitted
+    # over a short horizon the misfit is large and screening inaccurate, so that every single effect is fitted
     most = SINGLES_REFITTED if search.problem.horizon_s == np.inf else len(search.terms)
     _fit_asked(search, view, ordered, search.null)
     _refit(search, view, [(offer,) for offer in ordered if offer[0] not in search.asked], most, search.null)
@@ -84,11 +85,11 @@ def _from_the_null(search: Search) -> None:
 
 
 def _from_the_nominal(search: Search, nominal: Point) -> None:
-    """Fit the singles that the model as its file says wants most, where the view from the null passed them over.
+    """Fit the best singles by screening at the nominal model that screening at the null missed.
 
-    The null has bent friction and gains of the runs to what it cannot do. Where that nearly explains them, what bends
-    them hardly shows in its view, and steps from there are too many: a scrub that explained the runs without any
-    scatter, by 47 of log evidence more than the best that was fitted, promised 1 from the null.
+    The friction and gains of the null absorb part of a missing effect. If they absorb most of it, the effect hardly
+    shows there, and a fit from there takes too many steps: a scrub with a log evidence 47 above the best fitted set
+    gained only 1 by screening at the null.
     """
     smooth = [term for term in search.terms.values() if not term.stepwise]
     view = screen(search, nominal, (), smooth)
@@ -101,7 +102,7 @@ def _from_the_nominal(search: Search, nominal: Point) -> None:
 def extend(
     search: Search, ids: frozenset[str], among: Collection[str] | None = None, most: int = ADDITIONS_REFITTED
 ) -> None:
-    """Linearize at a fitted set, and fit it with the most promising additions, so many; among: all, or these."""
+    """Screen additions to a fitted set, and fit at most `most` promising ones; among: candidates, by default all."""
     fit = search.reached(ids)
     assert fit is not None
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
@@ -116,10 +117,10 @@ def extend(
 
 
 def _fit_asked(search: Search, view: Screen, ordered: Sequence[tuple[str, tuple[int, ...]]], fit: Fit) -> None:
-    """Fit what the user asks for, whatever the linear view promises of it: of many numbers it promises little.
+    """Fit user-defined effects regardless of screening, which underestimates effects with many parameters.
 
-    It is fitted from where its file says as well. What a diagnosis offers as an own effect was found beside other
-    effects, and from nought, without these, a fit of its many numbers may not find its way.
+    They are fitted from the values of their file as well: an effect that a diagnosis proposes was found together with
+    other effects, and without these a fit of its many parameters from zero may not converge.
     """
     for effect in sorted(search.asked - fit.terms):
         begin = search.terms[effect].begin
@@ -135,9 +136,9 @@ def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> lis
 def _refit(
     search: Search, view: Screen, sets: Sequence[tuple[tuple[str, tuple[int, ...]], ...]], most: int, origin: Fit
 ) -> None:
-    """Fit the first so many different sets, each from its two best starting places.
+    """Fit the first `most` different sets, each from its two best initial values.
 
-    Once one explains the runs, no more than usual are fitted, and only as far as they come near it.
+    Once a set explains the runs, at most SINGLES_REFITTED are fitted, and those far below it end early.
     """
     tries: dict[frozenset[str], int] = {}
     top = -np.inf

@@ -1,9 +1,9 @@
 """Cache of simulated features and motions, because a search returns to the same points.
 
-A fit ends with a linear view of where it is, a screening begins with that view and adds candidates, the next fit begins
-there. One simulation in five was made before. And a robot drives alike everywhere on even ground: where nothing depends
-on the place, or on place and direction, runs that differ only in their start pose have one motion. A fit asks for such
-runs most of all: slopes by the start pose, and start poses fitted anew at each step.
+A fit ends with a linearization, a screening at the same point adds candidates, and the next fit begins there; one of
+five simulations was made before. If no term depends on position, or on position and direction, runs that differ only in
+their start pose have the same motion. A fit needs many of these, for derivatives by the start pose and for new start
+poses at each step.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from evaluator.diagnosis.likelihood.run_data import Task
 
 Floats = NDArray[np.float64]
 
-# Of one run: the last ten linear views with all candidates, some 2 MB.
+# Features per run: the last ten linearizations with all candidates, some 2 MB.
 MOST_OF_A_RUN = 1000
-MOST_PATHS = 8  # motions of one run: the latest points of a fit, at which only start poses change, are asked for again
-MOST_POINTS = 5000  # common parameters that are told apart at a time, 2 kB each: far more than those views have
+MOST_PATHS = 8  # motions per run: those of the latest points of a fit, at which only start poses change
+MOST_POINTS = 5000  # sets of common parameters, 2 kB each: far more than the points of these linearizations
 
 Parameters = tuple[tuple[str, Any], ...]
 
@@ -38,7 +38,7 @@ class FeatureCache:
         self._number = count()
 
     def of(self, tasks: Sequence[Task], simulated: Callable[[Sequence[Task]], Sequence[Floats]]) -> list[Floats]:
-        """Features of every task; simulated: gives those of tasks that are not known, each asked for once."""
+        """Features of every task; simulated: computes those of unknown tasks, each once."""
         keys = self._keys(tasks)
         found = [self._of_run[task.run].get(key) for task, key in zip(tasks, keys, strict=True)]
         missing: dict[tuple[int, Hashable], list[int]] = {}
@@ -57,9 +57,9 @@ class FeatureCache:
         return [item for item in found if item is not None]
 
     def _keys(self, tasks: Sequence[Task]) -> list[Hashable]:
-        """What tells tasks of a run apart: a number for common parameters, which many tasks share, and their own."""
+        """Keys of tasks: a number for the common parameters, which many tasks share, and the parameters of the run."""
         if len(self._points) > MOST_POINTS:
-            self._points.clear()  # numbers are not given twice
+            self._points.clear()  # numbers are not reused
         met: dict[tuple[int, int], int] = {}
         keys: list[Hashable] = []
         for task in tasks:
@@ -72,7 +72,7 @@ class FeatureCache:
 
 
 class Paths:
-    """The latest motions of every run that do not depend on where it starts; threads that share it share no run."""
+    """The latest motions of every run, independent of its start pose; threads may share it if they share no run."""
 
     def __init__(self) -> None:
         """Nothing has been simulated yet."""
@@ -85,10 +85,10 @@ class Paths:
         lasting: Sequence[Any],
         simulated: Callable[[Sequence[int]], Sequence[Floats]],
     ) -> list[Floats]:
-        """States (n, 6) of every item; simulated: gives those of items, by number, that are not known.
+        """States (n, 6) of every item; simulated: computes those of unknown items, given their indices.
 
-        runs, keys: what an item is of; equal ones are simulated once. lasting: kept as long as their states, so that
-        keys may hold their identity.
+        runs, keys: run and key of each item; equal ones are simulated once. lasting: objects that are kept as long as
+        the states, so that keys may contain their identities.
         """
         missing: dict[tuple[int, Hashable], int] = {}
         for number, (run, key) in enumerate(zip(runs, keys, strict=True)):

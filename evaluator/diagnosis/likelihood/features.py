@@ -1,9 +1,8 @@
-"""A run as few numbers: the marks' midpoint, direction and distance in slow cosine modes, whitened by the noise.
+"""Features of a run: slow cosine modes of the marks' midpoint, direction and distance, whitened by the noise.
 
 Channels, all in mm on the plane of the marks: midpoint x, midpoint y, direction (the angle of the line through the
-marks times half their distance, so that its noise compares with that of a coordinate) and distance of the marks. A
-residual of 600 frames × 4 becomes about 200 numbers of unit variance, in which every later step is small linear
-algebra.
+marks times half their distance, so that its noise is comparable with that of a coordinate) and distance of the marks. A
+residual of 600 frames × 4 becomes about 200 numbers of unit variance, so that all further linear algebra is small.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from evaluator.diagnosis.likelihood.noise.tracking import (
 Floats = NDArray[np.float64]
 
 CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
-FASTEST_HZ = 3.0  # two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms, stay visible
+FASTEST_HZ = 3.0  # includes two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms
 MOST_MODES = 72
 AT_ONCE = 16  # frames
-DISTANCE_MODES = 8  # the distance of the marks is constant but for the camera; it needs no more
-# Two correct programs of the same model of the paper's robot differ by this: steps, start transients, regularization.
+DISTANCE_MODES = 8  # few, because the distance of the marks is constant except for errors of the camera
+# Difference of two correct implementations of the same model: steps, start transients, regularization.
 MODEL_FLOOR_MM = 3e-4
 
 
@@ -63,7 +62,7 @@ def residual_of_marks(measured: Floats, marks_mm: Floats, half_distance_mm: floa
 
 @compiled(nogil=True)
 def _residual_into(measured: Floats, marks_mm: Floats, half_distance_mm: float, residual: Floats) -> None:
-    """channel_residual of channels_of in one pass: half of the time of a fit went into these few lines."""
+    """channel_residual of channels_of in one pass, because it took half of the time of a fit."""
     for row in range(len(marks_mm)):
         _residual_of_frame(measured, marks_mm, row, half_distance_mm, residual[row])
 
@@ -91,7 +90,7 @@ def _features_into(
     by_distance: Floats,
     found: Floats,
 ) -> None:
-    """Features (m, k) of these frames of marks (m, n, 4): few frames of all marks at a time, for the cache."""
+    """Features (m, k) of these frames of marks (m, n, 4), few frames at a time for the processor's cache."""
     count = by_x.shape[1]
     residual = np.empty((AT_ONCE, 4))
     for first in range(0, len(frames), AT_ONCE):
@@ -108,7 +107,7 @@ def _features_into(
 
 @compiled(nogil=True)
 def _add(residual: Floats, functional: Floats, found: Floats) -> None:
-    """Add residuals (n,) times functionals (n, k) to what was found (k,)."""
+    """Add residuals (n,) times functionals (n, k) to found (k,)."""
     whole = len(residual) // 4 * 4
     for row in range(0, whole, 4):
         a, b, c, d = residual[row], residual[row + 1], residual[row + 2], residual[row + 3]
@@ -141,7 +140,7 @@ def _whiten(shares: Floats, turned: Floats, found: Floats) -> None:
 
 
 def rms_apart(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
-    """RMS distance of points x + iy (n,), the second laid on the first by the best rotation and shift.
+    """RMS distance of points x + iy (n,) after the best rotation and shift of the second onto the first.
 
     Source: Schönemann (1966), Psychometrika 31, 1, in the plane.
     """
@@ -152,12 +151,12 @@ def rms_apart(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> 
 
 @dataclass(frozen=True)
 class Compression:
-    """What turns channel residuals of one run into whitened features."""
+    """Linear map from channel residuals of one run to whitened features."""
 
-    used: NDArray[np.bool_]  # frames at which both marks were seen
+    used: NDArray[np.bool_]  # frames in which both marks were found
     functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
-    ground: Whitening | None = None  # of all features, for what moves several channels at once: friction that wanders
-    wander_mm: float = 0.0  # RMS of that in the midpoint, about the best start pose and friction of the run
+    ground: Whitening | None = None  # of all features, for varying friction, which affects several channels
+    wander_mm: float = 0.0  # RMS effect of this on the midpoint, after the best start pose and friction of the run
 
     def features(self, residual_mm: Floats) -> Floats:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""
@@ -167,7 +166,7 @@ class Compression:
     def features_of_marks(self, measured: Floats, marks_mm: Floats, half_distance_mm: float) -> Floats:
         """Whitened features (m, k) of measured channels (n, 4) over marks (m, n, 4) that a model predicts.
 
-        Those of each prediction do not depend on what else is asked for: a product by BLAS would round otherwise.
+        The result for each prediction does not depend on the others, whereas a product by BLAS would round differently.
         """
         modes = [part.shape[1] for part in self.functional]
         found = np.zeros((len(marks_mm), sum(modes)))
@@ -201,7 +200,7 @@ def compression(
             parts.append(parts[0])
             continue
         slow = modes[:, :DISTANCE_MODES] if channel == 3 else modes
-        # a little ridge keeps modes apart that a long gap confounds; any linear functional of the data is legitimate
+        # a small ridge regularizes modes that a long gap confounds; any linear functional of the data is valid
         normal = slow.T @ slow
         functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), slow.T)
         covariance = functional @ part.times(seen, functional.T)
@@ -213,10 +212,9 @@ def compression(
 def channel_noise(spectra_by_run: list[tuple[Spectrum, ...]]) -> list[tuple[Noise, ...]]:
     """Noise of every channel of every run: one correlation for all runs, an amplitude for each run.
 
-    The two midpoint coordinates share their noise. A run's own amplitude is taken from hundreds of fast modes, so a
-    recording in bad light counts for less. Direction and distance are two coordinates of one difference, that of the
-    marks, and err alike: a correlation in time that one shows, the other has. Slow errors of a heading that are taken
-    for white noise look like motion.
+    Both midpoint coordinates have the same noise. The amplitude of each run is estimated from hundreds of fast modes,
+    so that a recording in bad light has less weight. Direction and distance have the same correlation, because both are
+    coordinates of the difference of the marks; slow errors of the heading would otherwise look like motion.
     """
     midpoint = fit_noise([item for run in spectra_by_run for item in run[:2]])
     across, along = ([run[channel] for run in spectra_by_run] for channel in (2, 3))
@@ -230,7 +228,7 @@ def channel_noise(spectra_by_run: list[tuple[Spectrum, ...]]) -> list[tuple[Nois
 
 
 def _of_one_level(spectra: list[Spectrum]) -> list[Spectrum]:
-    """Spectra over the median power of their fast modes, to be compared in shape; none where nothing was measured."""
+    """Spectra divided by the median power of their fast modes; those without power are omitted."""
     fast = [item.power_mm2[item.frequency_hz > FASTEST_HZ] for item in spectra]
     level = float(np.median(np.concatenate(fast))) if sum(map(len, fast)) else 0.0
     if level <= QUANTIZATION_MM**2:
@@ -239,12 +237,12 @@ def _of_one_level(spectra: list[Spectrum]) -> list[Spectrum]:
 
 
 def _of_run(spectra: tuple[Spectrum, ...], noise: Noise) -> Noise:
-    """The common noise with the amplitude of a run and with what shakes its camera."""
+    """The common noise with the amplitude of a run and with the vibration of its camera."""
     return with_vibration(noise.scaled(_amplitude(spectra, noise)), spectra, FASTEST_HZ)
 
 
 def _amplitude(spectra: tuple[Spectrum, ...], noise: Noise) -> float:
-    """Amplitude of a run relative to the common noise, from its fast modes; 1 within what chance allows."""
+    """Amplitude of a run relative to the common noise, from its fast modes; 1 if not significantly different."""
     ratios = []
     for item in spectra:
         fast = item.frequency_hz > FASTEST_HZ
@@ -257,7 +255,7 @@ def _amplitude(spectra: tuple[Spectrum, ...], noise: Noise) -> float:
 
 
 def residual_spectra(time_s: Floats, residual_mm: Floats, since_s: float) -> tuple[Spectrum, ...]:
-    """Spectrum of every channel of one run's residual (n, 4), from since_s on: the kink of a start is no noise."""
+    """Spectrum of every channel of one run's residual (n, 4), from since_s on, which excludes the start of motion."""
     moving = time_s >= since_s
     if np.isfinite(residual_mm[moving]).all(axis=1).sum() >= FEWEST_MODES:
         time_s, residual_mm = time_s[moving], residual_mm[moving]

@@ -18,9 +18,9 @@ Pose = tuple[float, float, float]  # x, y, mm; heading
 
 @dataclass(frozen=True)
 class Sight:
-    """How a run is seen: scale of the plate, shifts (n, 4) of its marks or none (0, 4), places of these on the robot.
+    """Observation of a run: scale of the plate, shifts (n, 4) of its marks or none (0, 4), deviations on the robot.
 
-    moved_mm: how far either mark is off on the robot, x, y, x, y.
+    moved_mm: deviation of each mark from its stated position on the robot, x, y, x, y.
     """
 
     scale: float
@@ -28,7 +28,7 @@ class Sight:
     moved_mm: tuple[float, ...]
 
     def marks(self, path: Floats, times_s: Floats, begin: Pose, start: Pose, view: View) -> Floats:
-        """Marks (n, 4) of a path (n, 6) that was simulated from a pose begin, as it is from another start, at times."""
+        """Marks (n, 4) at times of a path (n, 6) that was simulated from begin, transformed to another start."""
         (x, y), (other_x, other_y) = view.places_mm
         right, up, other_right, other_up = self.moved_mm or (0.0, 0.0, 0.0, 0.0)
         places = x + right, y + up, other_x + other_right, other_y + other_up
@@ -45,7 +45,7 @@ class Sight:
 
 
 def laid(path: Floats, begin: Pose, start: Pose) -> Floats:
-    """States (n, 6) of a run that was simulated from a pose begin, as they are from another start."""
+    """States (n, 6) of a run that was simulated from the pose begin, transformed to another start."""
     turn = start[2] - begin[2]
     turned = np.exp(1j * turn) * (path[:, 0] - begin[0] + 1j * (path[:, 1] - begin[1]))
     return np.column_stack([start[0] + turned.real, start[1] + turned.imag, path[:, 2] + turn, path[:, 3:]])
@@ -61,7 +61,7 @@ def _plain_marks_into(
     places_mm: tuple[float, float, float, float],
     marks: Floats,
 ) -> None:
-    """Sight.marks in one pass where only a scale acts on what is seen."""
+    """Sight.marks in one pass, if the view has only a scale."""
     ahead, left, other_ahead, other_left = places_mm
     turn = start[2] - begin[2]
     turn_cos, turn_sin = math.cos(turn), math.sin(turn)
@@ -80,7 +80,7 @@ def _plain_marks_into(
 
 
 class SharedErrors:
-    """Errors of the measurement that a run shares with others, together what they do to its marks."""
+    """Combined effect on the marks of a run of measurement errors that it shares with others."""
 
     def __init__(self, run: RunData, known: Mapping[str, float]) -> None:
         """known: known_to.predicted_sigmas."""
@@ -89,10 +89,10 @@ class SharedErrors:
         self._known = known
 
     def of(self, nominal: Mapping[str, float]) -> tuple[float, Floats]:
-        """Scale of the plate, and shifts (n, 4) of the marks, none (0, 4) where there are none; nominal: of a Task.
+        """Scale of the plate, and shifts (n, 4) of the marks, (0, 4) if there are none; nominal: of a Task.
 
-        The scale is one of the marks as predicted. Those measured hold their noise: a scale of theirs explains it to
-        the last frame against a scale of the prediction (plane-scale).
+        The scale applies to the predicted marks. A scale of the measured marks would also scale their noise, and would
+        thereby be distinguishable from a scale of the prediction (plane-scale).
         """
         amounts = [nominal.get(key, 0.0) for key in self._keys]
         shift = (np.array(amounts) @ self._shifts).reshape(-1, 4) if any(amounts) else np.zeros((0, 4))

@@ -1,8 +1,8 @@
-"""The simulator behind a diagnosis: thousands of small variations of the same runs.
+"""Simulation of many variations of the same runs for a diagnosis.
 
-Motors start at start_s in the time of the recording. A recording that begins after that starts its simulation at
-start_s all the same; the start pose is then the pose at start_s, which is fitted like any other. A robot that does not
-start at rest has at its first frame the velocity that its commands have given it.
+Motors start at start_s in the time of the recording. If the recording begins later, the simulation still starts at
+start_s; the start pose is then the pose at start_s, which is fitted like any other. A robot that does not start at rest
+has the steady velocity of its commands in its first frame.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from simulator.integrator.batch import integrate_many
 from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
 
-# Runs of a robot take up to some hundred steps. Where a fit tries what makes wheels chatter they would take any number:
-# such a point is as good as one that cannot be simulated.
+# Runs need up to some hundred steps. Parameters that make wheels chatter would need many more; such points are treated
+# as not simulable.
 MOST_STEPS = 1500
-# Of a step, in the unit of length of the kernel of a robot. On a plate well under the tracking noise, small enough that
-# a difference of two runs keeps four digits. On open ground what a model leaves over is ten thousand times as much
-# noise: there runs end within a third of the model floor (features.MODEL_FLOOR_MM), and take half the time.
+# Tolerance of a step, in the unit of length of the kernel of a robot. On a plate it is far below the tracking noise, so
+# that differences of two runs have four digits. On open ground the noise is ten thousand times larger: errors at the
+# end of a run are below a third of the model floor (features.MODEL_FLOOR_MM), in half the time.
 TOLERANCE_MM, GROUND_TOLERANCE_MM = 1e-6, 1e-4
 
 
@@ -48,10 +48,10 @@ class Simulated:
         start_sigma_s: float = 0.0,
         variants: Variants | None = None,
     ) -> None:
-        """robots: one per run, with the effects already in the model. terms: how to read the coordinates of a task.
+        """robots: one per run, with the effects of the model. terms: candidates whose coordinates a task contains.
 
-        known: size of a deviation of 1 of each quantity of the laboratory (known_to.predicted_sigmas);
-        start_sigma_s: standard deviation of a run's start. variants: compiled before, of the same robots and terms.
+        known: scale of each shared deviation of a task (known_to.predicted_sigmas); start_sigma_s: standard deviation
+        of a run's start. variants: compiled robots of another Simulated with the same robots and terms.
         """
         self.known = dict(known or {})
         self.start_sigma_s = start_sigma_s
@@ -70,14 +70,14 @@ class Simulated:
         self._tolerance_mm = GROUND_TOLERANCE_MM if on_ground else TOLERANCE_MM
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:
-        """The same runs, of which only these frames are asked for; robots compiled for one serve the other."""
+        """A simulation of the same runs at the frames of data, which shares the compiled robots."""
         return Simulated(self.robots, data, self._terms, self.known, self.start_sigma_s, self._variants)
 
     def marks(self, tasks: Sequence[Task]) -> list[Floats]:
-        """Marks (n, 4) of every task at the frame times of its run; NaN where the simulation fails.
+        """Marks (n, 4) of every task at the frame times of its run; NaN if the simulation fails.
 
-        Tasks that differ only in where they start or in how the marks are seen (errors of the camera, places of the
-        marks) share a simulation.
+        Tasks that differ only in their start pose or in the observation of the marks (errors of the camera, positions
+        of the marks) share a simulation.
         """
         variants = self._variants.of(tasks, self._data)
         able = [  # friction must stay above zero
@@ -101,14 +101,14 @@ class Simulated:
         ]
 
     def _sight(self, task: Task) -> Sight:
-        """How a task is seen."""
+        """Observation of the marks of a task."""
         moved = tuple(amount_of(task.nominal, name, self.known) for name in self._mark_keys[task.run])
         return Sight(*self._errors[task.run].of(task.nominal), moved)
 
     def _paths_of(self, items: Sequence[tuple[Task, Variant]]) -> list[tuple[Pose, Floats, Floats]]:
-        """Of tasks that can be simulated a pose, states (n, 6) from there at the frames, and their true times.
+        """Per task: pose at which its simulation begins, states (n, 6) at the frames, and the true times of these.
 
-        The pose is one that all tasks with the same motion share.
+        All tasks with the same motion share the pose.
         """
         if not items:
             return []
@@ -159,7 +159,7 @@ class Simulated:
     def _commands(
         self, tasks: Sequence[Task], per_run: Floats, time_factors: Sequence[float]
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """Commands of all tasks in true time, stacked, where each begins and ends; a run's gains are its motors'."""
+        """Stacked commands of all tasks in true time, multiplied by the gains of each run, and their edges."""
         parts = [self._knots[task.run] for task in tasks]
         sizes = [len(part) for part in parts]
         knots = np.concatenate(parts)
@@ -169,11 +169,11 @@ class Simulated:
         return knots, np.cumsum([0, *sizes])
 
     def _late_s(self, task: Task) -> float:
-        """How much later than stated the motors of a task start, by the clock of the recording."""
+        """Delay of the start of the motors of a task, in the time of the recording."""
         return task.per_run[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
 
     def _true_times(self, items: Sequence[tuple[Task, Variant]]) -> list[Floats]:
-        """Start of the simulation, then the frames; measured times, of the start too, are true ones times a factor."""
+        """True times of the start of the simulation and of the frames; measured times are true ones times a factor."""
         known: dict[tuple[int, float, float], Floats] = {}
         result = []
         for task, variant in items:
@@ -196,7 +196,7 @@ def _integrated(
     chosen: NDArray[np.int64],
     tolerance_mm: float,
 ) -> Floats:
-    """States (edges[-1], 6) of runs from states (n, 6) at the first of their times; chosen: their models and knots."""
+    """States (edges[-1], 6) of runs from states (n, 6) at their first times; chosen: indices of models and knots."""
     out = np.empty((len(times_s), 6))
     integrate_many(
         models,
@@ -215,7 +215,7 @@ def _integrated(
 
 
 def _with_friction(models: NDArray[np.void], per_run: Floats) -> None:
-    """Give every record (n,) the friction of its run, per_run (n, 7); as simulator.dynamics.model compiles it."""
+    """Scale the friction of every record (n,) as compiled by simulator.dynamics.model; per_run: (n, 7)."""
     friction = 1 + per_run[:, 3:4]
     for name in ("grip_x", "grip_y"):
         models[name] *= friction

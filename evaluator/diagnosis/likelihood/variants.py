@@ -33,17 +33,16 @@ from simulator.errors import SimulationError
 from simulator.observation import view_of
 from simulator.robot import Robot
 
-MOST_VARIANTS = 5000  # at a time, of some kB each
+MOST_VARIANTS = 5000  # of some kB each
 _compiling = Lock()  # threads share the variants
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A robot with nominal values moved and terms added, which many runs share.
+    """A robot with changed nominal values and added terms, which many runs share.
 
-    record: compiled at nominal friction, the words of a record, None where it cannot be simulated; one for all variants
-    that drive alike, however they are seen. of_place, of_direction: whether it drives in another way elsewhere on the
-    plate, and in another direction.
+    record: compiled model with nominal friction as words, None if it cannot be simulated; shared by all variants with
+    the same motion. of_place, of_direction: whether its motion depends on position and direction on the plate.
     """
 
     record: NDArray[np.int64] | None
@@ -52,7 +51,7 @@ class Variant:
     of_direction: bool = True
 
     def begin(self, pose: Sequence[float]) -> tuple[float, float, float]:
-        """The pose from which to simulate a run that starts at a pose: one for all starts from which it moves alike."""
+        """The pose at which to simulate a run, equal for all start poses with the same motion."""
         x, y, heading = pose
         if self.of_place:
             return x, y, heading
@@ -61,10 +60,10 @@ class Variant:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What tasks with the common parameters of a task ask for.
+    """Common parameters of a task.
 
-    task: kept, so that nothing else has the identity of its mappings. ordered: whether it differs from run to run.
-    nominal: deviations that act in a simulation. lasting: all that tells it apart.
+    task: kept so that the identities of its mappings are not reused. ordered: whether an effect varies from run to run.
+    nominal: deviations that act in a simulation. lasting: key of the parameters.
     """
 
     task: Task
@@ -74,9 +73,9 @@ class _Asked:
 
 
 class Variants:
-    """The variants of an experiment's robots, compiled when they are first asked for; threads may share them.
+    """The variants of an experiment's robots, compiled on first use; threads may share them.
 
-    slots: room of a record for the terms of any of the robots.
+    slots: number of terms for which the records of all robots have space.
     """
 
     def __init__(self, robots: Sequence[Robot], terms: Mapping[str, Candidate], known: Mapping[str, float]) -> None:
@@ -90,7 +89,7 @@ class Variants:
         self._records: dict[bytes, NDArray[np.int64]] = {}
 
     def of(self, tasks: Sequence[Task], data: Sequence[RunData]) -> list[Variant]:
-        """The variant of every task; tasks of a linearization share theirs, and so do those of later ones."""
+        """The variant of every task; tasks with equal common parameters share one."""
         with _compiling:
             return self._of(tasks, data)
 
@@ -140,10 +139,10 @@ class Variants:
             of_direction = any(is_of_plate(term.channel, term.basis) for term in draft.terms)
             return Variant(record, view, of_place, of_direction)
         except SimulationError:
-            return Variant(None, view)  # outside what can be simulated; the caller sees NaN and steps back
+            return Variant(None, view)  # cannot be simulated: marks are NaN, and a fit shortens its step
 
     def _add_known(self, nominal: Mapping[str, float], draft: Draft, view: View) -> None:
-        """Let the quantities of the laboratory act on a draft, or on the view of its marks."""
+        """Apply deviations of quantities known to a tolerance to a draft, or to the view of its marks."""
         view.time_factor *= 1 + amount_of(nominal, CLOCK, self._known)
         half = amount_of(nominal, RADIUS_DIFFERENCE, self._known) / 2
         draft.speed_factor *= np.array([1 + half, 1 - half])
@@ -157,7 +156,7 @@ class Variants:
 
 
 def add_term(term: Candidate, values: tuple[float, ...], draft: Draft, view: View) -> None:
-    """Let one term act on a draft, or on the view of its marks."""
+    """Apply one term to a draft, or to the view of its marks."""
     if isinstance(term, FreeTerm):
         parts = term.kernel_terms(values)
         draft.add(*(part for part in parts if not part.is_seen_only))
@@ -171,7 +170,7 @@ def add_term(term: Candidate, values: tuple[float, ...], draft: Draft, view: Vie
 
 
 def depends_on_place(robot: Robot, terms: Iterable[Candidate]) -> bool:
-    """Whether a robot to which these terms are added drives, or is seen to drive, in another way elsewhere."""
+    """Whether the motion or the observation of a robot with these terms depends on its position."""
     view, draft = view_of(robot, reference_places(robot)), Draft(robot)
     try:
         apply_effects(draft, robot.effect)
@@ -180,12 +179,12 @@ def depends_on_place(robot: Robot, terms: Iterable[Candidate]) -> bool:
             add_term(term, term.starts[0] if term.starts else usual, draft, view)
         draft.finish()
     except SimulationError:
-        return True  # nothing is known of it
+        return True  # unknown
     return view.bends_with_place or any(term.depends_on_place for term in draft.terms)
 
 
 def varies_by_run(effect: str) -> bool:
-    """Whether an effect differs from run to run of a session; all others are compiled once for all runs of a robot."""
+    """Whether an effect varies from run to run of a session; others are compiled once for all runs of a robot."""
     return effect in EFFECTS and EFFECTS[effect].varies_by_run
 
 
@@ -196,7 +195,7 @@ def _act(effect: str, draft: Draft, values: Mapping[str, float]) -> None:
 
 
 def varied_robot(robot: Robot, deviations: Mapping[str, float]) -> Robot:
-    """The robot with nominal values, by dotted key, multiplied by 1 + deviation; of a [[wheel]] list, those of each."""
+    """The robot with nominal values, by dotted key, multiplied by 1 + deviation; in a [[wheel]] list those of each."""
     factors: dict[str, dict[str, float]] = {}
     for key, deviation in deviations.items():
         if deviation:

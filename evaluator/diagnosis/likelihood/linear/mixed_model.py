@@ -1,11 +1,10 @@
-"""Linear mixed model of an experiment: common parameters, run-to-run scatter, tracking noise; its evidence.
+"""Linear mixed model of an experiment with common parameters, scatter between runs and tracking noise; its evidence.
 
 Whitened features of run i are z_i = J_i θ + F_i a_i + B_i b_i + ε, ε ~ N(0, 1): θ are common parameters (nominal values
-within their tolerances, effects), a_i is the start pose (nothing known beforehand), b_i ~ N(0, diag τ²) the run's own
-friction, wheel gains and start of motion. Start poses are projected out; τ is summed over a grid, so that the
-uncertainty of the scatter enters every probability and interval, as Student's t does for a mean. Effects carry a
-unit-information prior counted in runs: what repeats itself in every frame of a run is one piece of evidence, not six
-hundred.
+within their tolerances, effects), a_i is the start pose (flat prior), b_i ~ N(0, diag τ²) are the random effects of the
+run: friction, wheel gains and start of motion. Start poses are projected out; τ is marginalized over a grid, so that
+the uncertainty of the scatter enters every probability and interval, as with Student's t for a mean. Effects have a
+unit-information prior that counts runs, not frames, because the frames of a run are not independent evidence.
 Sources: Laird & Ware (1982), Biometrics 38, 963; Kass & Wasserman (1995), JASA 90, 928.
 """
 
@@ -26,16 +25,16 @@ Floats = NDArray[np.float64]
 
 FLAT = 3  # start x, y, heading
 SCATTER = ("friction", "left_gain", "right_gain", "start")  # per run: relative; start in its standard deviations
-FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # a polished plate to a dirty one
-GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # quartz-driven steppers to poor DC motors
-START_SCATTER = 1.0  # how well starts are known is stated
-UNLIKELY = 1e-6  # share of the probability below which a scatter of the grid adds nothing to a mean or covariance
-RIDGE = 1e-11  # of normal equations with ones on the diagonal: parameters that stand for each other
+FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # from a polished plate to a dirty one
+GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # from quartz-driven steppers to poor DC motors
+START_SCATTER = 1.0  # fixed, because the standard deviation of starts is stated
+UNLIKELY = 1e-6  # probability below which a grid point is neglected in means and covariances
+RIDGE = 1e-11  # of normal equations with ones on the diagonal, for collinear parameters
 
 
 @dataclass(frozen=True)
 class Linearized:
-    """One run near a point: z = J θ + F a + B b + ε in whitened features, θ zero where nothing is changed."""
+    """Linearization of one run: z = J θ + F a + B b + ε in whitened features; θ = 0 is the nominal model."""
 
     response: Floats  # (d,)
     common: Floats  # (d, p)
@@ -45,7 +44,7 @@ class Linearized:
 
 @dataclass(frozen=True)
 class Reduced:
-    """What the mixed model needs of every run once start poses are projected out."""
+    """Sufficient statistics of every run for the mixed model, with start poses projected out."""
 
     s: Floats  # (n,)
     g: Floats  # (n, p)
@@ -53,10 +52,10 @@ class Reduced:
     c: Floats  # (n, 4)
     C: Floats  # (n, 4, p)
     A: Floats  # (n, 4, 4)
-    size: NDArray[np.int64]  # (n,) features left per run
+    size: NDArray[np.int64]  # (n,) remaining features per run
 
     def of_columns(self, keep: NDArray[np.bool_], fixed: Floats) -> Reduced:
-        """Statistics of the common parameters that are kept, given the values fixed (p,) of the others."""
+        """Statistics of the common parameters in keep, given values fixed (p,) of the others."""
         return Reduced(
             self.s - 2 * self.g @ fixed + np.einsum("p,npq,q->n", fixed, self.G, fixed),
             (self.g - self.G @ fixed)[:, keep],
@@ -69,7 +68,7 @@ class Reduced:
 
 
 def reduce_runs(runs: Sequence[Linearized]) -> Reduced:
-    """Project start poses out of every run and form the inner products of what is left."""
+    """Project start poses out of every run and form inner products."""
     parts = []
     for run in runs:
         basis = np.linalg.qr(run.start)[0]
@@ -99,7 +98,7 @@ class Posterior:
     mean: Floats  # (k,)
     covariance: Floats  # (k, k)
     scatter: Floats  # (4,) posterior mean of τ
-    misfit: float  # -2 log likelihood at the best scatter, without parameter-count terms
+    misfit: float  # -2 log likelihood at the best scatter, without the cost of parameters
     best: int  # index of the best scatter on the grid
 
 
@@ -108,8 +107,8 @@ class MixedModel:
 
     def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
         """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
-        told = bool(reduced.A[:, :-1, :-1].any())  # else friction and gains are no random effects: one scatter
-        axes = (FRICTION_SCATTER, GAIN_SCATTER) if told else (FRICTION_SCATTER[:1], GAIN_SCATTER[:1])
+        free = bool(reduced.A[:, :-1, :-1].any())  # else friction and gains are no random effects: one scatter
+        axes = (FRICTION_SCATTER, GAIN_SCATTER) if free else (FRICTION_SCATTER[:1], GAIN_SCATTER[:1])
         friction, gain = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
         self.tau = np.column_stack([friction, gain, gain, np.full(len(gain), START_SCATTER)])
         self.runs = len(reduced.s)
@@ -117,7 +116,7 @@ class MixedModel:
         grid, p = len(self.tau), reduced.g.shape[1]
         inverse = self.tau**-2.0
         precision = reduced.A[None] + inverse[:, None, :, None] * np.eye(len(SCATTER))  # (grid, n, 4, 4)
-        # Half of each correction, so that all runs together are one product: M = root · rootᵀ of every run.
+        # Square root of each correction, so that the sum over runs is one product: M = root · rootᵀ of every run.
         root = np.linalg.inv(np.linalg.cholesky(precision))  # lower triangle L⁻¹, M = L⁻ᵀ·L⁻¹
         sides = np.concatenate([reduced.C, reduced.c[:, :, None]], axis=2).transpose(0, 2, 1)
         half = np.matmul(sides, root.transpose(0, 1, 3, 2)).transpose(0, 2, 1, 3).reshape(grid, p + 1, -1)
@@ -125,18 +124,18 @@ class MixedModel:
         self.s = float(reduced.s.sum()) - np.sum(response**2, axis=1)
         self.g = reduced.g.sum(axis=0) - np.matmul(columns, response[:, :, None])[:, :, 0]
         self.whole = reduced.G.sum(axis=0)
-        self.corrections = [(columns, columns)]  # (grid, p, r) each: what scatter and a given base take of the whole
-        self.said = np.zeros((grid, p), dtype=np.bool_)  # columns of which nothing is left at a scatter
-        self.rounding = RIDGE * np.diag(self.whole)  # of what is left of a column, by differences
+        self.corrections = [(columns, columns)]  # (grid, p, r) each: subtracted for random effects and for a given base
+        self.redundant = np.zeros((grid, p), dtype=np.bool_)  # columns that are collinear with the given base
+        self.rounding = RIDGE * np.diag(self.whole)  # rounding error of the remainder of a column
         diagonals = np.diagonal(root, axis1=2, axis2=3)
         self.logdet = -2 * np.log(diagonals).sum(axis=(1, 2)) - self.runs * np.log(inverse).sum(axis=1)
 
     def inner(
         self, rows: NDArray[np.int64] | None = None, columns: NDArray[np.int64] | None = None, at: Any = slice(None)
     ) -> Floats:
-        """Inner products (t, r, c) of columns at grid points; default: of all, at all.
+        """Inner products (t, r, c) of rows and columns at grid points; default: all.
 
-        Made when asked for: of hundreds of candidates those of each with all others are never needed.
+        Computed on demand, because the products between all pairs of hundreds of candidates are never needed.
         """
         every = np.arange(len(self.prior))
         rows, columns = (every if part is None else part for part in (rows, columns))
@@ -144,20 +143,20 @@ class MixedModel:
         found[:] = self.whole[np.ix_(rows, columns)]
         for left, right in self.corrections:
             own = np.ascontiguousarray(left[at][:, rows])
-            # a product of a matrix with itself is made four times as fast where both are one array
+            # a product of a matrix with its own transpose is four times as fast if both are the same array
             alike = left is right and rows is columns
             other = own if alike else np.ascontiguousarray(right[at][:, columns])
             found -= np.matmul(own, other.transpose(0, 2, 1))
-        said = self.said[at]
-        if said.any():
-            found[said[:, rows, None] | said[:, None, columns]] = 0.0
+        redundant = self.redundant[at]
+        if redundant.any():
+            found[redundant[:, rows, None] | redundant[:, None, columns]] = 0.0
         return found
 
     def given(self, base: Sequence[int]) -> MixedModel:
-        """The model of the other columns once those of base, always in it, are at their best for each scatter.
+        """The model of the other columns, with the columns of base eliminated at each scatter.
 
-        Evidence and parameters of further columns are those of the whole model; base must hold every column with a
-        prior.
+        Evidence and parameters of the other columns are those of the model with base; base must contain every column
+        with a prior.
         """
         keep = np.asarray(base, dtype=np.int64)
         rest = np.setdiff1d(np.arange(len(self.prior)), keep)
@@ -171,14 +170,14 @@ class MixedModel:
         found.s = self.s - np.sum(sides[:, :, -1] * solution[:, :, -1], axis=1)
         found.g = self.g - np.matmul(left, solution[:, :, -1:])[:, :, 0]
         own = np.diag(self.whole) - sum(np.einsum("tpr,tpr->tp", *pair) for pair in found.corrections)
-        # what base says already: the rest of it is rounding, of either sign
-        found.said = own < self.rounding
-        found.g[found.said] = 0.0
+        # collinear with base: the remainder is rounding error of either sign
+        found.redundant = own < self.rounding
+        found.g[found.redundant] = 0.0
         found.logdet = self.logdet + self._explained(keep, H, sides[:, :, -1])[1]
         return found
 
     def taken(self, columns: Sequence[int]) -> MixedModel:
-        """The model in which parameters of these columns are one, and no longer to be found."""
+        """The model in which the parameters of these columns are fixed at 1."""
         if not columns:
             return self
         of = np.asarray(columns, dtype=np.int64)
@@ -192,11 +191,11 @@ class MixedModel:
         return normal_matrices(self.inner(keep, keep, at), self.prior[keep])
 
     def _explained(self, keep: NDArray[np.int64], H: Floats, g: Floats) -> tuple[Floats, Floats]:
-        """What the parameters of some columns take off -2 log likelihood, (t,), and what they cost of it, (t,).
+        """Decrease of -2 log likelihood by the parameters of some columns, (t,), and their cost in it, (t,).
 
-        Those with a prior cost what they were narrowed to. Unit information about an effect is what a run tells of it
-        with the nominal values unknown: an effect that a nominal value within its tolerance can stand for must not
-        come cheaper than one that nothing can.
+        Parameters with a prior cost the log ratio of prior to posterior volume. Unit information about an effect is the
+        information of one run with unknown nominal values, so that an effect that is nearly collinear with a nominal
+        value does not cost less than others.
         """
         known = self.prior[keep] > 0
         gain, log_det = explained(H, g, known)
@@ -233,7 +232,7 @@ class MixedModel:
 
 
 def _log_mean(score: Floats) -> float:
-    """Logarithm of the mean of what has these logarithms."""
+    """Logarithm of the mean of values with these logarithms."""
     top = score.max()
     return float(top + np.log(np.mean(np.exp(score - top))))
 
@@ -261,7 +260,7 @@ def solve_within(reduced: Reduced, prior_precision: Floats, tau: Floats, low: Fl
 def _normal_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     """Normal equations (p, p), (p,) of the common parameters at one scatter, divided by their scale (p,).
 
-    What remains once each run has its own friction and gains is a difference: below a share RIDGE it is rounding.
+    The information that remains after the random effects is a difference; below a share RIDGE it is rounding error.
     """
     weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     weighted = np.einsum("nij,njp->nip", weight, reduced.C)
@@ -280,7 +279,7 @@ def run_effects(reduced: Reduced, theta: Floats, tau: Floats) -> tuple[Floats, F
 
 
 def at_scatter(reduced: Reduced, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Inner products of every run, (n,), (n, p), (n, p, p), with its random effects free within the scatter."""
+    """Inner products of every run, (n,), (n, p), (n, p, p), with its random effects marginalized at a scatter."""
     weight = np.linalg.inv(reduced.A + np.diag(tau**-2.0))
     weighted = np.einsum("nij,njp->nip", weight, reduced.C)
     s = reduced.s - np.einsum("ni,nij,nj->n", reduced.c, weight, reduced.c)

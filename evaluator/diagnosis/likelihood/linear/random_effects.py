@@ -1,4 +1,4 @@
-"""The start pose and the random effects of each run, friction, gains and start, fitted at given common parameters."""
+"""Fit of the start pose and the random effects of each run (friction, gains, start) at given common parameters."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from evaluator.diagnosis.likelihood.problem import Point, Problem
 Floats = NDArray[np.float64]
 
 PER_RUN_PASSES = 9
-# Passes in which slopes are only corrected by what each step changed, for an eighth of the simulations; in most fits
-# runs settle within five.
+# Iterations in which slopes are updated by secants, with an eighth of the simulations; most runs converge within five.
 SLOPES_LAST = 6
 PER_RUN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
 SHORTER = 0.3
-# Relative friction and gains of one run, and its start in standard deviations (0.1 s of half frames): beyond, a linear
-# step has lost its way, and a start is a mistake of the experiment file.
+# Largest relative friction and gains of one run, and its start in standard deviations (0.1 s of half frames): larger
+# values mean that a linear step diverges, or that start_s is wrong in the experiment file.
 MOST_SCATTER = np.array([0.5, 0.5, 0.5, 12.0])
 
 
@@ -45,9 +44,9 @@ def settled_by_run(
 ) -> tuple[Point, Floats]:
     """Start pose, friction and gains of every run fitted at a point, and -2 log density (runs,) of each there.
 
-    With scatter None the start pose alone is fitted. Runs do not depend on one another here: each goes on until its own
-    density settles, with shorter steps where a step made it worse, and with slopes that each step corrects. seen: views
-    of these runs nearby, whose slopes serve to begin with. FloatingPointError where a run cannot be simulated at the
+    With scatter None only the start pose is fitted. Runs are independent here: each iterates until its density
+    converges, with a shorter step if a step does not improve, and with slopes updated by secants. seen: linearizations
+    of these runs at a nearby point, used as initial slopes. FloatingPointError if a run cannot be simulated at the
     point.
     """
     best = point.per_run.copy()
@@ -68,7 +67,7 @@ def settled_by_run(
         for run, item in zip(pending, found, strict=True):
             now = np.inf if item is None else _per_run_value(item, trial.per_run[run], scatter)
             if share[run] == 1.0 and value[run] < now <= value[run] + PER_RUN_SETTLED:
-                continue  # settled: where a whole step leads is as good
+                continue  # converged: a full step changes the density by less than PER_RUN_SETTLED
             if now > value[run]:
                 share[run] *= SHORTER
                 going_on.append(run)
@@ -89,10 +88,10 @@ def settled_by_run(
 
 
 def secant(before: Linearized, after: Linearized, at_before: Floats, at_after: Floats, steps: Floats) -> Linearized:
-    """The view after a step with slopes that explain what the step changed, and no more: Broyden's update.
+    """The linearization after a step, with the least change of the slopes that explains the new response.
 
-    before, after: views with the same slopes. at_before, at_after: common parameters (p,), then the numbers of the run
-    (7,). steps: sizes (p + 7,) in which numbers are compared.
+    before, after: linearizations with the same slopes. at_before, at_after: common parameters (p,), then the parameters
+    of the run (7,). steps: scales (p + 7,) of the parameters.
     Source: Broyden (1965), Mathematics of Computation 19, 577.
     """
     moved = at_after - at_before
@@ -101,7 +100,7 @@ def secant(before: Linearized, after: Linearized, at_before: Floats, at_after: F
         return after
     slopes = np.column_stack([after.common, after.start, after.scatter])
     begin, end = (count := after.common.shape[1]), count + after.start.shape[1]
-    # start poses are measured from where a view was taken, all else from where it changes nothing
+    # start poses are relative to the point of a linearization, all other parameters to their absent values
     counted = np.ones(len(moved))
     counted[begin:end] = 0.0
     left = [view.response - slopes @ (counted * at) for view, at in ((before, at_before), (after, at_after))]
@@ -111,29 +110,29 @@ def secant(before: Linearized, after: Linearized, at_before: Floats, at_after: F
 
 
 def _per_run_value(item: Linearized, per_run: Floats, scatter: Floats | None) -> float:
-    """-2 log density of one run where it was linearized."""
+    """-2 log density of one run at the point of its linearization."""
     left = item.response - item.scatter @ per_run[3:]
     return float(left @ left) + (0.0 if scatter is None else float(np.sum((per_run[3:] / scatter) ** 2)))
 
 
 def _per_run_goal(item: Linearized, per_run: Floats, scatter: Floats | None) -> Floats:
-    """Most probable start pose, friction, gains and start (7,) of one run in its linear view."""
+    """Most probable start pose, friction, gains and start (7,) of one run by linearization."""
     goal = per_run.copy()
     if scatter is not None:
         basis = np.linalg.qr(item.start)[0]
         slopes = item.scatter - basis @ (basis.T @ item.scatter)
         goal[3:] = np.linalg.solve(slopes.T @ slopes + np.diag(scatter**-2.0), slopes.T @ item.response)
         goal[3:] = np.clip(goal[3:], -MOST_SCATTER, MOST_SCATTER)
-    # the response is measured from the start pose at which it was linearized
+    # the response is relative to the start pose of the linearization
     goal[:3] += np.linalg.lstsq(item.start, item.response - item.scatter @ goal[3:], rcond=None)[0]
     return goal
 
 
 def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Point:
-    """The point with start poses, friction and gains of these runs fitted within a given scatter; all else stays."""
+    """The point with start poses, friction and gains of these runs fitted, given their scatter; all else is kept."""
     return settled(problem, point, runs, scatter)[0]
 
 
 def place_starts(problem: Problem, point: Point, runs: Sequence[int]) -> Point:
-    """The point with only the start poses of these runs fitted: each run keeps its friction and gains."""
+    """The point with only the start poses of these runs fitted; friction and gains are kept."""
     return settled(problem, point, runs, None)[0]

@@ -1,20 +1,20 @@
 """Friction that varies along the path of a run, as on an unevenly clean plate.
 
-Each run has a friction of its own; where the plate is polished, greasy or dusty, friction also changes while the robot
-drives, by a per cent or two over a centimetre. No model predicts where. A diagnosis that took friction for constant
-within a run would explain what such places do by effects that act somewhere on the plate (a gradient, a stray magnet)
-or in some directions (a grain), and would call a run that drove far an outlying one.
+Each run has its own friction; on a polished, greasy or dusty plate, friction also varies along the path, by a per cent
+or two over a centimetre, and no model predicts where. A diagnosis that assumed constant friction within a run would
+explain this variation by effects that depend on position (a gradient, a stray magnet) or on direction (a grain), and
+would reject long runs as outlying.
 
-Friction is taken for a random walk along the way, about its mean over the run. Its cosine modes are independent
-(Karhunen-Loève). What one of them does to the path follows from what a friction that is changed throughout does,
-without another simulation: velocities balance the wheels' forces at every instant (the slow manifold), so a change of
-friction changes the velocity in the body frame at that instant alone, in proportion.
+Friction is modelled as a random walk along the path, about its mean over the run. Its cosine modes are independent
+(Karhunen-Loève). The response of the path to a mode follows from the response to constant friction without another
+simulation: velocities balance the wheels' forces at every instant (the slow manifold), so that a change of friction
+changes the velocity in the body frame in proportion, and only at that instant.
 
-Such a plate is not alike under both sides of a robot either. Where slip is far from its limit, that matters more: in
-twelve turns of one robot, friction that is changed under the left wheels against the right moved the path 2 to 23 times
-as far as the same change under all wheels. It follows from the same walk, as friction over the plate is one surface
-(Lévy's Brownian surface), and asks for no further number.
-How large the walk is, is asked of all runs together: see common_drift.py.
+Friction also differs between both sides of a robot. If slip is far from its limit, the difference has more influence:
+in twelve turns of one robot, opposite changes of friction under the left and right wheels moved the path 2 to 23 times
+as far as an equal change under all wheels. This follows from the same walk, because friction over the plate is one
+random surface (Lévy's Brownian surface), without a further parameter.
+The rate of the walk is estimated from all runs together: see common_drift.py.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MODES = 10  # hold 94 % of the variance of a walk about its mean: 1 - (6/π²)·Σ 1/k² beyond
-# Of the difference between the sides, which changes over the width of a robot, and frames between which it is even.
+MODES = 10  # contain 94 % of the variance of a walk about its mean: 1 - (6/π²)·Σ 1/k² beyond
+# Modes of the difference between the sides, which varies over the width of a robot, and samples of it in time.
 UNEVEN_MODES, SAMPLES = 16, 80
-# Relative change of friction after 1 mm of way; it grows with the root of the way. The least does less to any path than
-# a model's precision; of more than 3 %, 10 % after a centimetre, a laboratory wipes its plate.
+# Relative change of friction after 1 mm of path; it grows with the root of the distance. The effect of the least rate
+# is below the precision of a model; above 3 %, 10 % after a centimetre, a laboratory cleans its plate.
 RATES = (0.0, *np.geomspace(3e-4, 3e-2, 9).tolist())
 BEGIN = 4  # in the middle of them
-USUAL_WANDER = RATES[BEGIN]  # what a model is fitted with before it is known: see common_drift.USUAL_DRIFT
+USUAL_WANDER = RATES[BEGIN]  # assumed before the rate is estimated: see common_drift.USUAL_DRIFT
 
 
 def wander_shifts(channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
-    """What friction that walks by 1 after 1 mm does, one standard deviation of each of its modes: (MODES, n, 4) mm.
+    """Response (MODES, n, 4) in mm to one standard deviation of each mode of friction with a rate of 1 after 1 mm.
 
     Arguments as in shift_by.
     """
@@ -51,17 +51,17 @@ def wander_shifts(channels: Floats, per_friction: Floats, half_distance_mm: floa
 def uneven_shifts(
     channels: Floats, per_difference: Floats, sides_mm: tuple[Floats, Floats], half_distance_mm: float
 ) -> Floats:
-    """What a plate whose friction walks by 1 in 1 mm does by being uneven: (UNEVEN_MODES, n, 4) mm.
+    """Response (UNEVEN_MODES, n, 4) in mm to different friction of both sides, with a rate of 1 after 1 mm.
 
-    One standard deviation of each mode of the friction under the left side over that under the right, half of their
-    difference. per_difference: (n, 4) mm, what 1 of that throughout does to the channels. sides_mm: the middles of the
-    left and of the right wheels on the plate, (n,) each, x + iy.
+    Of one standard deviation of each mode of half the difference of friction, left minus right. per_difference: (n, 4)
+    mm, response of the channels to a constant half difference of 1. sides_mm: centres of the left and of the right
+    wheels on the plate, (n,) each, x + iy.
     """
     steps = len(channels) - 1
     chosen = np.unique(np.linspace(0, steps, min(steps + 1, SAMPLES)).astype(int))
     left, right = (side[chosen] for side in sides_mm)
     apart, alike = np.abs(left[:, None] - right), sum(np.abs(side[:, None] - side) for side in (left, right))
-    # of a surface with a variogram as long as the distance: half of the differences of the distances, for half of it
+    # the variogram of the surface is the distance: 1/2 for its covariance, 1/4 for half differences
     covariance = (apart + apart.T - alike) / 8
     variances, vectors = np.linalg.eigh(covariance)
     largest = np.sqrt(np.maximum(variances[-UNEVEN_MODES:], 0.0)) * vectors[:, -UNEVEN_MODES:]
@@ -71,16 +71,16 @@ def uneven_shifts(
 
 
 def shift_by(friction: Floats, channels: Floats, per_friction: Floats, half_distance_mm: float) -> Floats:
-    """What small relative changes of friction (n - 1,) between the frames of a run do to its channels, (n, 4) mm.
+    """Response (n, 4) in mm of the channels of a run to small relative changes of friction (n - 1,) between its frames.
 
-    channels: (n, 4) of the run as predicted, of which the midpoint counts, see features.channels_of. per_friction:
-    (n, 4) mm, what a relative change of 1 throughout does to them. The shift is zero at the first frame: the start pose
-    is free.
+    channels: (n, 4), predicted, of which only the midpoint is used, see features.channels_of. per_friction: (n, 4) mm,
+    response to a constant relative change of 1. The response is zero in the first frame, because the start pose is
+    free.
     """
     path = np.diff(channels[:, 0] + 1j * channels[:, 1])
     turned = per_friction[:, 2] / half_distance_mm
     moved = np.diff(per_friction[:, 0] + 1j * per_friction[:, 1])
-    # without what the heading does that is off by then: the change of the velocity in the body frame
+    # without the contribution of the accumulated error of heading: the change of the velocity in the body frame
     pushed = moved - 1j * (turned[1:] + turned[:-1]) / 2 * path
     heading = np.concatenate([[0.0], np.cumsum(friction * np.diff(turned))])
     steps = friction * pushed + 1j * (heading[1:] + heading[:-1]) / 2 * path
@@ -90,7 +90,7 @@ def shift_by(friction: Floats, channels: Floats, per_friction: Floats, half_dist
 
 @dataclass(frozen=True)
 class Whitening:
-    """(1 + U·Uᵀ)^(-1/2), which makes noise of variance 1 with random parts U (d, k) white: U turned, and by how much.
+    """(1 + U·Uᵀ)^(-1/2), which whitens noise with the covariance 1 + U·Uᵀ, U (d, k).
 
     turned: U·V (d, k) with the eigenvectors V of Uᵀ·U. squares: its eigenvalues (k,).
     """
@@ -99,22 +99,22 @@ class Whitening:
     squares: Floats
 
     def of(self, features: Floats) -> Floats:
-        """Features (d,) or (m, d), white."""
+        """Whitened features, (d,) or (m, d)."""
         return np.asarray(features + ((features @ self.turned) * self.shares) @ self.turned.T)
 
     @property
     def shares(self) -> Floats:
-        """By how much of itself each of the turned parts moves what lies along it, (k,)."""
+        """Factors (k,) of the update of features along each column of turned."""
         return self._shares(1 / np.sqrt(1 + self.squares))
 
     def undone(self, features: Floats) -> Floats:
-        """Features (d,) or (m, d) as they were before."""
+        """Features (d,) or (m, d) before whitening."""
         shares = self._shares(np.sqrt(1 + self.squares))
         return np.asarray(features + ((features @ self.turned) * shares) @ self.turned.T)
 
     @property
     def log_det(self) -> float:
-        """Of the covariance."""
+        """Log determinant of the covariance."""
         return float(np.sum(np.log1p(self.squares)))
 
     def _shares(self, scaled: Floats) -> Floats:
@@ -122,6 +122,6 @@ class Whitening:
 
 
 def whitening(columns: Floats) -> Whitening:
-    """Of random parts (d, k), each of variance 1."""
+    """Whitening of noise with random parts (d, k), each of variance 1."""
     squares, vectors = np.linalg.eigh(columns.T @ columns)
     return Whitening(columns @ vectors, np.maximum(squares, 0.0))
