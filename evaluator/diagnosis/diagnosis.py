@@ -142,7 +142,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         if suspect is None:
             break
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
-        alone = not has_kin(run, others)  # it may be the only one in which an effect can show
+        alone = not has_kin(run, others)  # it may be the only run in which an effect acts
         rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
         again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits)
         if again is None:
@@ -278,11 +278,11 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
     after = place_runs(by_marks, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
-    # by the model of all runs: that of the fitted ones alone says less of a command that none of them drove
+    # by the model of all runs, because fitted runs without a command determine its gap less well
     placed = place_runs(by_marks, fit.point, runs, fit.posterior.scatter)
     outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
     follows = len(outlying) <= most_odd(len(runs))
-    # what a model that does not follow the marks says of each run's friction and gains is worth nothing
+    # friction and gains of each run are meaningless if the model does not explain the marks
     before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
     seen = pieces(problem, before)
     seen_after = pieces(problem, placed)
@@ -308,7 +308,7 @@ def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
         left=tuple(every_dependence(seen_after)),
         outlying=outlying,
         follows=follows,
-        # what a model that does not follow the marks says of the laboratory is worth nothing either
+        # quantities of the laboratory are meaningless, too, if the model does not explain the marks
         known=found.known if follows else tuple(map(as_taken, session.known)),
         known_together=found.known_together if follows else None,
     )
@@ -320,7 +320,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     assert found.gap is not None
     assert found.search is not None
     if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
-        # a free-form term that does not predict held-out runs does not describe what is missing
+        # a free-form term that does not predict held-out runs does not describe the missing physics
         return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):
         return found

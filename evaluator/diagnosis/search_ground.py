@@ -1,10 +1,10 @@
-"""The search on open ground: effects and free-form terms together, with the noise that the best model leaves.
+"""The search on open ground: named effects and free-form terms together, with noise estimated from the residuals.
 
-There what has no name may be most of the misfit, as where a drive mixes its sides. Until it is in the model, an effect
-beside it, such as motors that follow late, is lost in what is left over; what stood in for it before it was there stays
-beside it though it explains nothing any more; and the noise, which is made of left-overs, is that of a poor model. So
-sets grow from the model without effects by whatever promises most, the noise is estimated anew after every size, and
-the best set is challenged from within: every effect of it is taken out and everything is tried in its place.
+There physics outside the catalogue may cause most of the misfit, for example a drive that mixes its sides. As long as
+it is missing, an additional effect such as a lag of the motors is not significant; an effect that imitated it remains
+in the set after it is added; and the noise, estimated from residuals, is too large. Therefore sets grow from the null
+by the most promising terms of both kinds, the noise is estimated again after every size, and finally each effect of the
+best set is replaced in turn by all others.
 
 A search takes as long as it has runs. Of a long session it sees runs of commands far apart from one another; what leads
 there is fitted to the runs of more commands, which decide; all others are held out.
@@ -65,7 +65,7 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
 
 
 def grow(search: Search, families: int, size: int, count: int, additions: int) -> None:
-    """Fit the leading sets of a size, so many, with so many further effects each, with a name or without."""
+    """Fit the best `count` sets of a size with the most promising additions, named or free-form."""
     _afford(search)
     leading = [ids for ids in _ranked(search, families) if len(ids) == size][:count]
     for ids in leading:
@@ -73,9 +73,9 @@ def grow(search: Search, families: int, size: int, count: int, additions: int) -
 
 
 def exchange(search: Search, families: int) -> None:
-    """Fit everything in place of each effect of the best set, until no exchange is better; and what it stands against.
+    """Fit all candidates in place of each effect of the best set, until no replacement improves it.
 
-    These sets, with one effect left out, are those of the drop-one tests.
+    The sets without one effect are fitted as well; the drop-one tests use them.
     """
     for _ in range(EXCHANGES):
         best = _ranked(search, families)[0]
@@ -98,17 +98,17 @@ def _against_each(search: Search, families: int) -> None:
 
 
 def _extend_once(search: Search, ids: Set, additions: int = ADDITIONS_REFITTED) -> None:
-    """Fit a set with what promises most beside it; a view of all candidates costs as much as several fits."""
+    """Fit the most promising additions to a set, only once: screening all candidates costs as much as several fits."""
     if ids not in search.extended:
         search.extended.add(ids)
         extend(search, ids, {effect for effect in search.terms if ids | {effect} not in search.fits}, additions)
 
 
 def _ranked(search: Search, families: int) -> list[Set]:
-    """Fitted sets, the most probable first; those that cannot be the answer last.
+    """Fitted sets, most probable first; sets that cannot be the answer last.
 
-    These have an effect at a bound, or one that helps some commands and harms as many others. Under the noise of a
-    model that was bent to its runs, such effects are worth more than true ones.
+    These have an effect at a bound, or one that does not improve the prediction of left-out commands. If the noise was
+    estimated with an overfitted model, such effects are more probable than true ones.
     """
 
     def key(ids: Set) -> tuple[bool, float]:
@@ -119,18 +119,18 @@ def _ranked(search: Search, families: int) -> list[Set]:
 
 
 def _afford(search: Search) -> None:
-    """Let a search make as many steps more as a search may."""
+    """Allow a search another MOST_STEPS steps."""
     search.most_steps = search.steps + MOST_STEPS
 
 
 def _settled(search: Search, families: int) -> Search | None:
-    """The search under the noise that its best set leaves, with what leads in it; None where that is as it was."""
+    """The search with the noise from the residuals of its best set, and the best sets; None if it does not change."""
     problem = settled_noise(search, _ranked(search, families)[0])
     return None if problem is None else _under(search, families, problem=problem)
 
 
 def _under(search: Search, families: int, **changes: Any) -> Search:
-    """What leads a search, and the model without effects, fitted anew under another noise or to other runs."""
+    """The null and the best sets of a search, fitted again with another noise or to other runs."""
     found = search.anew(**changes)
     found.fits[frozenset()] = fit_model(found.problem, search.null.point, [], found.tolerance, found.runs)
     by_odds = sorted(search.fits, key=lambda ids: -score(search, ids, families))

@@ -1,7 +1,7 @@
 """The fit problem: runs, simulator and noise, and linearizations of an experiment at any point.
 
-A point holds everything that the prediction of every run depends on. Derivatives are differences of simulations: with
-tens of microseconds a run they cost less than any cleverness.
+A point contains all parameters of the prediction of every run. Derivatives are finite differences, because a simulation
+takes only tens of microseconds.
 """
 
 from __future__ import annotations
@@ -27,24 +27,25 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-# mm, mm, rad, relative, standard deviations of the start: far above rounding, far below curvature; of the paper's robot
+# mm, mm, rad, relative, standard deviations of the start: large against rounding, small against curvature; for the
+# paper's robot
 PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
-FRICTION, START = 3, 6  # of them
-OF_GROUND = (0, 1, 2, START)  # those that runs on open ground have: start pose and start, no friction and gains
+FRICTION, START = 3, 6  # indices among them
+OF_GROUND = (0, 1, 2, START)  # parameters of runs on open ground: start pose and start, without friction and gains
 NOMINAL_STEP = 5e-4
-NOMINAL_STEPS = {"body": 5e-3}  # mass does little but to inertia
+NOMINAL_STEPS = {"body": 5e-3}  # larger, because mass has little influence except by inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
-STEP_SHARE = 0.2  # of a visible step: curvature would make effects and run-to-run scatter differ where they are one
-# Simulations in one piece of work: their marks, some 20 kB each, stay near the processor, and there are several pieces
-# to share. Pieces do not depend on how many share them.
+STEP_SHARE = 0.2  # of a visible step: with larger steps, curvature would separate effects that equal random effects
+# Simulations in one piece of work: their marks, some 20 kB each, fit into the processor's cache, and there are several
+# pieces for several cores. Pieces do not depend on the number of cores.
 TASKS_AT_ONCE = 160
 
 
 @dataclass(frozen=True)
 class Column:
-    """A common parameter: a nominal value (term is None) or one coordinate of a term, seen from start values.
+    """A common parameter: a nominal value (term is None) or one coordinate of a term, with derivatives at start values.
 
-    to: coordinates of a place where the term acts; the parameter is then the share of the whole change to there.
+    to: coordinates to which the term is changed as a whole; the parameter is then the share of this change.
     """
 
     key: str
@@ -55,7 +56,7 @@ class Column:
 
     @property
     def step(self) -> float:
-        """Size of the difference that makes the derivative."""
+        """Step of the finite difference."""
         if self.to is not None:
             return 1.0
         if self.term is None:
@@ -64,29 +65,29 @@ class Column:
 
     @property
     def absent(self) -> float:
-        """Value where nothing is changed."""
+        """Value at which the parameter has no influence."""
         return 0.0 if self.term is None else self.term.coordinates[self.coordinate].absent
 
 
 @dataclass(frozen=True)
 class Point:
-    """Nominal deviations, term coordinates, and the numbers per run (n, 7) as in Task."""
+    """Nominal deviations, term coordinates, and the parameters per run (n, 7) as in Task."""
 
     per_run: Floats
     nominal: Mapping[str, float] = field(default_factory=dict)
     terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def without_absent(self, columns: Sequence[Column]) -> Point:
-        """The point without those terms of these columns that change nothing: the motion is that of the model without.
+        """The point without those terms of these columns that have no influence, with the same motion.
 
-        A fit begins there where a screening has looked already.
+        A fit that begins there can reuse the simulations of a screening.
         """
         absent = {column.key: column.term.absent for column in columns if column.term is not None}
         kept = {effect: values for effect, values in self.terms.items() if values != absent.get(effect)}
         return self if len(kept) == len(self.terms) else replace(self, terms=kept)
 
     def moved(self, column: Column, amount: float) -> Point:
-        """The point with one common parameter changed; a whole change is made as a whole."""
+        """The point with one common parameter changed by amount, or to column.to if given."""
         if column.term is None:
             return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
         values = list(column.to or self.terms.get(column.key, column.start or column.term.absent))
@@ -94,19 +95,19 @@ class Point:
         return replace(self, terms={**self.terms, column.key: tuple(values)})
 
     def value(self, column: Column) -> float:
-        """Value of a common parameter measured from where they change nothing."""
+        """Value of a common parameter relative to its absent value."""
         if column.term is None:
             return self.nominal.get(column.key, 0.0)
         values = self.terms.get(column.key)
         return 0.0 if values is None else values[column.coordinate] - column.absent
 
     def is_within_bounds(self, column: Column) -> bool:
-        """Whether a term has a value in its bounds: a motor that turns faster under load would chatter for long."""
+        """Whether a term is within its bounds; outside, simulations may take long: motors faster under load chatter."""
         values = self.terms.get(column.key, ())
         return column.term is None or column.term.clipped(values) == tuple(values)
 
     def at(self, columns: Sequence[Column], theta: Floats) -> Point:
-        """The point with common parameters at values (p,), measured from where they change nothing."""
+        """The point with common parameters at values (p,) relative to their absent values."""
         nominal, values = dict(self.nominal), {effect: list(value) for effect, value in self.terms.items()}
         for column, value in zip(columns, theta, strict=True):
             if column.term is None:
@@ -116,7 +117,7 @@ class Point:
         return Point(self.per_run, nominal, {effect: tuple(value) for effect, value in values.items()})
 
     def task(self, run: int, shift: Floats | None = None) -> Task:
-        """What to simulate for one run."""
+        """Parameters for the simulation of one run."""
         per_run = self.per_run[run] if shift is None else self.per_run[run] + shift
         return Task(run, tuple(per_run.tolist()), self.nominal, self.terms)
 
@@ -131,14 +132,14 @@ class Problem:
     compressions: tuple[Compression, ...]
     noise: tuple[tuple[Noise, ...], ...]
     half_distance_mm: float
-    length: float = 1.0  # of the robots over that of the paper's
-    starts_show: bool = True  # whether a run's start of motion, as far as it is unknown, can be seen in what it leaves
+    length: float = 1.0  # of the robots, relative to the paper's robot
+    starts_show: bool = True  # whether the uncertainty of a run's start of motion has a visible influence
     common_drift: Drift = NO_DRIFT  # of the midpoint of the marks: see noise/common_drift.py
-    friction_wander: float = 0.0  # relative, after 1 mm of way: see noise/friction_wander.py
-    horizon_s: float = np.inf  # only frames up to so long after the start of the motors count
-    fits: FitCache = field(default_factory=FitCache)  # of the fits made before
-    watch: Watch = field(default_factory=Watch)  # looked at between the steps of a fit; shares work among cores
-    cache: FeatureCache = field(default_factory=FeatureCache, init=False, repr=False, compare=False)  # of this very one
+    friction_wander: float = 0.0  # relative, after 1 mm of path: see noise/friction_wander.py
+    horizon_s: float = np.inf  # only frames up to this time after the start of the motors are used
+    fits: FitCache = field(default_factory=FitCache)  # of earlier fits
+    watch: Watch = field(default_factory=Watch)  # checked between the steps of a fit; shares work among cores
+    cache: FeatureCache = field(default_factory=FeatureCache, init=False, repr=False, compare=False)  # of this problem
 
     @property
     def fingerprint(self) -> str:
@@ -147,20 +148,20 @@ class Problem:
 
     @property
     def open_ground(self) -> bool:
-        """Whether the robot is larger than one of a plate: what runs leave over is then part of their noise.
+        """Whether the robot is too large for a plate, so that its noise is estimated from residuals.
 
-        Friction and gains of each run would be the same once more: three numbers for two seconds of poses, which took
-        up whatever the drive did (each mixes its sides by another factor of the wheels' speeds), so that scatter ran
-        to the end of its grid and hardly a fit settled. See noise/discrepancy.py.
+        Friction and gains of each run are then omitted, because the noise includes them already: three parameters for
+        two seconds of poses absorbed any dynamics of the drive, so that their scatter reached the end of its grid and
+        few fits converged. See noise/discrepancy.py.
         """
         return self.length > 1
 
     @property
     def of_tracking(self) -> Problem:
-        """The problem whose features are white under the noise of marks and camera alone, friction the same throughout.
+        """The problem with the noise of marks and camera only, without varying friction.
 
-        In it a run is placed where the distance to its marks is least. Under friction that wanders, the likeliest start
-        is where the run begins, and the distance then grows with the way.
+        With it the fitted start pose minimizes the distance to the marks of the whole run. With varying friction the
+        start pose is determined by the first frames, and the distance grows along the path.
         """
         if not self.friction_wander:
             return self
@@ -168,17 +169,17 @@ class Problem:
 
     @property
     def varied(self) -> NDArray[np.int64]:
-        """Which of the numbers per run differ from run to run."""
+        """Indices of the parameters per run that are fitted."""
         every = OF_GROUND if self.open_ground else range(PER_RUN)
         return np.array([number for number in every if number != START or self.starts_show])
 
     @property
     def per_run_steps(self) -> Floats:
-        """Differences (7,) of the numbers per run that make derivatives."""
+        """Steps (7,) of finite differences of the parameters per run."""
         return np.array(PER_RUN_STEPS) * [self.length, self.length, 1.0, 1.0, 1.0, 1.0, 1.0]
 
     def counting_frames(self, run: int) -> NDArray[np.bool_]:
-        """Frames (n,) of a run that count: both marks seen, within the horizon."""
+        """Frames (n,) of a run that are used: both marks found, within the horizon."""
         data = self.data[run]
         seen = np.isfinite(self.channels[run]).all(axis=1)
         return np.asarray(seen & (data.time_s <= max(data.start_s, data.time_s[0]) + self.horizon_s))
@@ -191,13 +192,13 @@ class Problem:
         ]
 
     def features(self, tasks: Sequence[Task]) -> list[Floats]:
-        """Whitened features (k,) of what every task leaves over; not finite where it cannot be simulated."""
+        """Whitened features (k,) of the residuals of every task; not finite if it cannot be simulated."""
         return self.cache.of(tasks, self._simulated_features)
 
     def _simulated_features(self, tasks: Sequence[Task]) -> list[Floats]:
-        """Features of tasks; they must not depend on what was simulated before or together with them.
+        """Features of tasks; they must not depend on earlier or simultaneous simulations.
 
-        A search that was interrupted would end elsewhere.
+        Otherwise an interrupted search would give a different result.
         """
         found: list[Floats] = []
         marks = self.forward.marks(tasks)
@@ -210,7 +211,7 @@ class Problem:
     def linearized(
         self, point: Point, columns: Sequence[Column], runs: Sequence[int] | None = None
     ) -> list[Linearized]:
-        """Response and derivatives of the runs at a point; FloatingPointError where the simulation fails there."""
+        """Response and derivatives of the runs at a point; FloatingPointError if the simulation fails there."""
         chosen = list(range(len(self.data)) if runs is None else runs)
         found = self.attempted(point, columns, chosen)
         failed = [self.data[run].id for run, item in zip(chosen, found, strict=True) if item is None]
@@ -253,7 +254,7 @@ class Problem:
         return with_slopes(views, slopes, _theta(point, columns))
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
-        """What to simulate for the derivatives of one run, those by its numbers per run last."""
+        """Tasks for the derivatives of one run, those by its own parameters last."""
         return [at.task(run) for at in points] + [
             point.task(run, step) for step in np.diag(self.per_run_steps)[self.varied]
         ]
@@ -261,7 +262,7 @@ class Problem:
     def seen_again(
         self, point: Point, views: Sequence[Linearized], runs: Sequence[int], columns: Sequence[Column] = ()
     ) -> list[Linearized | None]:
-        """Views of runs, of these columns, at a point nearby: the response anew, the slopes as they were."""
+        """Linearizations of runs at a nearby point, with new responses and the slopes of views."""
         result: list[Linearized | None] = []
         theta = _theta(point, columns)
         for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
@@ -278,7 +279,7 @@ class Problem:
         features: Floats,
         before: Sequence[int],
     ) -> Linearized | None:
-        """View of a run from the features (m, k) of its tasks; None where it cannot be simulated."""
+        """Linearization of a run from the features (m, k) of its tasks; None if it cannot be simulated."""
         varied = self.varied
         sound: NDArray[np.bool_] = np.asarray(np.isfinite(features).all(axis=1))
         if not (sound[0] and sound[-len(varied) :].all()):
@@ -287,7 +288,7 @@ class Problem:
         common = np.zeros((len(base), len(columns)))
         for i, column in enumerate(columns):
             after = len(features) - len(varied) - len(columns) + i
-            if sound[before[i]] and sound[after]:  # a candidate that cannot be simulated offers nothing
+            if sound[before[i]] and sound[after]:  # the derivative of a candidate that cannot be simulated is 0
                 common[:, i] = (features[before[i]] - features[after]) / column.step
         per_run = np.zeros((len(base), PER_RUN))
         per_run[:, varied] = ((base - features[-len(varied) :]) / self.per_run_steps[varied, None]).T
@@ -296,15 +297,15 @@ class Problem:
 
 
 def _theta(point: Point, columns: Sequence[Column]) -> Floats:
-    """Values (p,) of common parameters where their slopes are seen; a term at a starting place has none yet."""
+    """Values (p,) of common parameters at the point of linearization; 0 for a term at its start values."""
     return np.array([0.0 if column.start is not None else point.value(column) for column in columns])
 
 
 def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[tuple[str, tuple[float, ...]], int]]:
-    """Where to simulate for the derivatives of any run, and where the bases of terms with starting places stand."""
+    """Points for the derivatives of every run, and indices of the base points of terms with start values."""
     points = [point]
     bases: dict[tuple[str, tuple[float, ...]], int] = {}
-    for column in columns:  # a term seen from its own starting place has its own base
+    for column in columns:  # a term with start values has a base point of its own
         if column.start is not None and (column.key, column.start) not in bases:
             bases[column.key, column.start] = len(points)
             points.append(replace(point, terms={**point.terms, column.key: column.start}))
