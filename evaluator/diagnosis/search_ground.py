@@ -6,10 +6,9 @@ in the set after it is added; and the noise, estimated from residuals, is too la
 by the most promising terms of both kinds, the noise is estimated again after every size, and finally each effect of the
 best set is replaced in turn by all others.
 
-A search takes as long as it has runs. Of a long session it sees runs of commands far apart from one another; what leads
-there is fitted to the runs of more commands, which decide; all others are held out.
-Source: floating search, which takes back what it has added: Pudil, Novovičová & Kittler (1994), Pattern Recognition
-Letters 15, 1119.
+The duration of a search is proportional to the number of runs. In a long session it uses runs with commands far apart
+from each other; its best sets are fitted to the runs of more commands, which decide; all others are held out.
+Source: floating search: Pudil, Novovičová & Kittler (1994), Pattern Recognition Letters 15, 1119.
 """
 
 from __future__ import annotations
@@ -26,17 +25,17 @@ from evaluator.diagnosis.long_sessions import deciding_runs, searched_runs
 from evaluator.diagnosis.search_runs import Prepared, fitted_runs
 from evaluator.progress import Progress
 
-ROUNDS = 3  # of noise after the sets have grown; in eight subsets of two robots' recordings it settled after one or two
-NAMED_KEPT = 2  # of the sets that lead, at least so many without a form: what a form must be better than
-EXCHANGES = 3  # sets in a row that gave way to a better one
-# Sets of none, of one, of two effects that grow, and additions to each that are fitted.
+ROUNDS = 3  # estimates of noise after the sets have grown; it converged within two in eight subsets of two recordings
+NAMED_KEPT = 2  # best sets without free-form terms that are always kept for comparison
+EXCHANGES = 3  # consecutive replacements of the best set
+# Number of sets of zero, one and two effects that are extended, and additions to each that are fitted.
 GROWN = ((1, SINGLES_REFITTED), *((count, ADDITIONS_REFITTED) for count in BEAM))
 
 
 def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Search]:
-    """Searches without the runs held out, and of all that decide; for a long session the same.
+    """Searches on the runs that are not held out, and on all deciding runs; both are the same for a long session.
 
-    Of the first, where it is another, only the model without effects is fitted.
+    In the first only the null is fitted, unless both are the same.
     """
     families, data = len(ready.free), ready.problem.data
     deciding = deciding_runs(data)
@@ -90,7 +89,7 @@ def exchange(search: Search, families: int) -> None:
 
 
 def _against_each(search: Search, families: int) -> None:
-    """Fit what the leading sets stand against: each without one of its effects."""
+    """Fit the best sets without each of their effects, for the drop-one tests."""
     _afford(search)
     for ids in _ranked(search, families)[:NAMED_KEPT]:
         for effect in sorted(ids):

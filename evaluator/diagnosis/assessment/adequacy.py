@@ -28,8 +28,8 @@ FEWEST_FREEDOM = 6  # degrees of freedom below which an F test has little power
 LEAST_SHARE = 0.01
 UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
 DRIFT = "speed-drift"
-FEWEST_BESIDE_STEP = 2  # runs on either side: one that is unlike the others is a matter of that run
-STEP_ODDS = math.log(20.0)  # of a step against a drift, to say so
+FEWEST_BESIDE_STEP = 2  # runs on either side of a step, because a single one may be outlying
+STEP_ODDS = math.log(20.0)  # of a step relative to a drift, from which it is reported
 
 
 @dataclass(frozen=True)
@@ -188,18 +188,18 @@ def _mean_place(marks_mm: Floats) -> Floats:
 
 
 def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:
-    """Between which runs the speed steps, in words; empty where it drifts, or where the runs do not tell.
+    """The runs between which the speed changes once, in words; empty if it drifts or the runs do not determine it.
 
-    A drift comes near to a step (another day, another battery) as well, and what it leaves passes for scatter between
-    runs. So the speeds of the runs are asked which of the two they follow. left: what the fit leaves over. data: all
-    runs of the session.
+    A drift also approximates a single step (another day, another battery), because the scatter between runs includes
+    the difference. Therefore a step and a line are compared for the speeds of the runs. left: adequacy of the fit.
+    data: all runs of the session.
     """
     if DRIFT not in fit.terms:
         return ""
     share = left.shares[:, 1:3].sum(axis=1)
     seen = share > 2 * LEAST_SHARE
     order = np.array([data[run].order for run in fit.runs], dtype=np.float64)
-    # of the run's own gains a share is seen, drawn towards nought by the rest
+    # estimated gains of a run are shrunk by the share that the run determines
     gain = left.random_effects[:, 1:3].sum(axis=1) / np.maximum(share, LEAST_SHARE)
     speed = gain + fit.point.terms[DRIFT][0] * order
     runs = [data[run] for run, is_seen in zip(fit.runs, seen, strict=True) if is_seen]
@@ -217,8 +217,8 @@ def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:
 def step_over_line(order: Floats, values: Floats, weights: Floats) -> tuple[int, float, float] | None:
     """Best step in values (n,) of runs in ascending order (n,): number of the last run before it, size, log odds.
 
-    The odds are against a line, with Laplacian errors of sizes 1/weights (n,), one scale for all: a run that is unlike
-    the others decides nothing. None for too few runs.
+    The odds are relative to a line, with Laplacian errors of sizes 1/weights (n,) and a common scale, so that single
+    outlying runs have no influence. None for too few runs.
     """
     breaks = range(FEWEST_BESIDE_STEP, len(values) - FEWEST_BESIDE_STEP + 1)
     if len(breaks) < FEWEST_BESIDE_STEP:
@@ -232,13 +232,13 @@ def step_over_line(order: Floats, values: Floats, weights: Floats) -> tuple[int,
 
 
 def _level(values: Floats, weights: Floats) -> tuple[float, float]:
-    """The level of least absolute deviations, a weighted median, and these deviations."""
+    """The level of least absolute deviations (a weighted median), and the sum of these deviations."""
     loss = np.abs(values[:, None] - values) @ weights
     return float(values[np.argmin(loss)]), float(loss.min())
 
 
 def _least_line(order: Floats, values: Floats, weights: Floats) -> float:
-    """The least absolute deviations from a line: one of those through two points (Bloomfield & Steiger 1983)."""
+    """Least sum of absolute deviations over all lines through two points (Bloomfield & Steiger 1983)."""
     first, second = np.triu_indices(len(values), 1)
     apart = order[second] - order[first]
     first, second, apart = first[apart > 0], second[apart > 0], apart[apart > 0]

@@ -52,7 +52,7 @@ BETTER_BY, BETTER_SIGMAS = 4.0, 2.0
 FALSE_POSITIVE = 0.05  # probability that the interval of any coefficient of a family excludes zero by chance
 # Probability below which a dependence of friction and gains on something known is significant.
 NOT_CHANCE = 1e-3
-LATE = "command-lag"  # does what a clock does that is off, where commands and poses are logs
+LATE = "command-lag"  # has the same response as a wrong clock if commands and poses are logs
 
 
 # On open ground the noise is estimated from the residuals, and many of a hundred families are significant by the
@@ -88,16 +88,16 @@ def pays(search: Search, table: Standing, families: int, ids: Set) -> bool:
 
 
 def carries_over(search: Search, ids: Set) -> bool:
-    """Whether commands left out are predicted better with each effect of a set than without it, beyond chance.
+    """Whether left-out commands are predicted significantly better with each effect of a set than without it.
 
-    A set without an effect that does the same by what is known, beyond three of its tolerances, predicts as well, and
-    yet is no answer: clocks that agree to hundredths of a second do not make motors late by a tenth.
+    The prediction need not be better if the set without the effect moves an equivalent known value beyond three of its
+    tolerances: clocks that agree to hundredths of a second do not explain motors that are late by a tenth.
     """
     return all(_is_stood_for(search, effect, ids) or _predicts(search, ids, ids - {effect}) for effect in ids)
 
 
 def _is_stood_for(search: Search, effect: str, ids: Set) -> bool:
-    """Whether a set without one of its effects moves a value that does the same beyond what is known of it."""
+    """Whether a set without one of its effects moves a known value equivalent to it beyond its tolerances."""
     without = search.fits.get(ids - {effect})
     if without is None:
         return False

@@ -289,7 +289,7 @@ def _optimum(fit: Fit, tolerance: Mapping[str, float], most_scatter: Floats) -> 
 
 
 def _with_shortfall(fit: Fit, predicted: float) -> Fit:
-    predicted = max(predicted, 0.0)  # beside a bound where a law ends, rounding has promised an increase of thousands
+    predicted = max(predicted, 0.0)  # near a bound of a law, rounding errors may be large and negative
     less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - predicted / 2)
     return replace(fit, posterior=less, shortfall=predicted)
 
