@@ -35,7 +35,7 @@ class Studio:
 
 @dataclass(frozen=True)
 class Asked:
-    """A request: parts of its path, its query and its body; each value is a person's or a page's, and is checked."""
+    """A request: parts of its path, its query and its body; all values are untrusted and are validated."""
 
     path: dict[str, str]
     query: dict[str, str]
@@ -54,10 +54,10 @@ class Asked:
 
 
 class Work(Protocol):
-    """Answers a request with a value that JSON can hold, or with a response of its own."""
+    """Answers a request with a JSON value or a response."""
 
     def __call__(self, studio: Studio, asked: Asked, /) -> Any:
-        """Answer. Raises InputError and its kin."""
+        """Answer a request. Raises InputError and its subclasses."""
 
 
 def number(value: Any, name: str) -> float:
@@ -72,7 +72,7 @@ def number(value: Any, name: str) -> float:
 
 
 def endpoint(studio: Studio, work: Work) -> Callable[[Request], Awaitable[Response]]:
-    """A route's function."""
+    """The function of a route."""
 
     async def answer(request: Request) -> Response:
         body: Json = {}
@@ -101,7 +101,7 @@ def _answered(studio: Studio, work: Work, asked: Asked) -> Response:
         return _refused(_without_root(studio, str(error)), 400)
     except OSError as error:
         return _refused(f"{error.filename or 'a file'}: {error.strerror}", 400)
-    except Exception as error:  # noqa: BLE001 - said in the page, with the traceback on the terminal
+    except Exception as error:  # noqa: BLE001 - reported in the page, with the traceback on the terminal
         import traceback
 
         traceback.print_exc()
@@ -110,7 +110,7 @@ def _answered(studio: Studio, work: Work, asked: Asked) -> Response:
 
 
 def _without_root(studio: Studio, sentence: str) -> str:
-    """Paths as the folder has them: shorter, and the same on every machine."""
+    """A sentence with paths relative to the folder: shorter, and equal on every machine."""
     return sentence.replace(f"{studio.folder.root}/", "")
 
 

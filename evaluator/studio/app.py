@@ -27,9 +27,9 @@ STATIC = Path(str(files("evaluator.studio") / "static"))
 
 
 def application(root: Path, port: int, secrets: Secrets, *, prepared: bool = False) -> Guard:
-    """The studio of a folder, as an ASGI application. Raises OSError where there is no such folder.
+    """The studio of a folder, as an ASGI application. Raises OSError if the folder does not exist.
 
-    prepared: what finds dots is loaded before anybody asks, which takes half a second of a processor.
+    prepared: whether the detection of dots is loaded in advance, which takes half a second of processor time.
     """
     folder = Folder(root)
     studio = Studio(folder, Jobs(folder), Decoder(), History(), LiveCamera())
@@ -37,7 +37,7 @@ def application(root: Path, port: int, secrets: Secrets, *, prepared: bool = Fal
     @asynccontextmanager
     async def living(_: Starlette) -> AsyncIterator[None]:
         studio.jobs.start()
-        # Nobody waits for it before the first question.
+        # Not needed before the first request.
         Thread(target=_make_ready, args=(studio.decoder, prepared), daemon=True).start()
         yield
         studio.jobs.close()
@@ -63,7 +63,7 @@ def application(root: Path, port: int, secrets: Secrets, *, prepared: bool = Fal
 def _make_ready(decoder: Decoder, prepared: bool) -> None:
     decoder.start()
     if prepared:
-        with suppress(InputError):  # the studio was ended meanwhile
+        with suppress(InputError):  # the studio has been closed meanwhile
             decoder.prepare()
 
 

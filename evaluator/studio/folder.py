@@ -9,20 +9,20 @@ from pathlib import Path
 
 from evaluator.errors import InputError
 
-MOST_FILES = 20_000  # looked at below the folder: who opens the studio on a whole disk is not to wait for it
+MOST_FILES = 20_000  # limit of the search below the folder, so that the studio of a whole disk opens quickly
 DEPTH = 6
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".wmv", ".flv")
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
 class Folder:
-    """Files below a folder; an identifier says nothing but which of them is meant.
+    """Files below a folder, by opaque identifiers.
 
-    A link that leads out of the folder is no file of it.
+    Links that lead out of the folder are excluded.
     """
 
     def __init__(self, root: Path) -> None:
-        """Open a folder that is there."""
+        """Open an existing folder."""
         self.root = root.resolve(strict=True)
         self._known: dict[str, str] = {}
 
@@ -34,12 +34,12 @@ class Folder:
         return identifier
 
     def relative(self, path: Path) -> str:
-        """Its path from the folder on. Raises InputError for a file outside."""
+        """Path relative to the folder. Raises InputError for a file outside."""
         inside = self.inside(path)
         return inside.relative_to(self.root).as_posix()
 
     def inside(self, path: Path) -> Path:
-        """The path with all links followed. Raises InputError where that is outside the folder."""
+        """The path with all links resolved. Raises InputError if it is outside the folder."""
         resolved = (self.root / path).resolve()
         if not resolved.is_relative_to(self.root):
             raise InputError(
@@ -48,7 +48,7 @@ class Folder:
         return resolved
 
     def path(self, identifier: str) -> Path:
-        """The file or folder of an identifier. Raises InputError where there is none (any more)."""
+        """The file or folder of an identifier. Raises InputError if it does not exist (any more)."""
         if identifier not in self._known:
             for path in self.files():
                 self.id_of(path)
@@ -59,7 +59,7 @@ class Folder:
         return found
 
     def files(self, endings: tuple[str, ...] = ()) -> Iterator[Path]:
-        """Files below the folder, hidden ones and those behind links that lead out left out; in order."""
+        """Sorted files below the folder, without hidden ones and those behind links that lead out of it."""
         count = 0
         for place, folders, names in os.walk(self.root):
             here = Path(place)

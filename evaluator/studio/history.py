@@ -1,6 +1,6 @@
-"""Undo and redo of the studio's changes, as long as nobody else has changed the files since.
+"""Undo and redo of the studio's changes, unless the files have been changed by others since.
 
-A change may touch several files (a robot and the experiment that names it): it is undone as one.
+A change of several files (a robot and the experiment that names it) is undone as a unit.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from evaluator.errors import InputError
 from evaluator.files import write_bytes
 from evaluator.workflow import ChangedMeanwhileError
 
-MOST_BYTES = 200_000_000  # of texts and images remembered: the oldest changes go first
+MOST_BYTES = 200_000_000  # of stored texts and images; the oldest changes are dropped first
 Touches = Callable[[Path], bool]
 
 
 @dataclass(frozen=True)
 class _Change:
-    """What a change was, in words, and what its files held before and after it; None where there was no file."""
+    """Description of a change, and contents of its files before and after it; None for a missing file."""
 
     number: int
     words: str
@@ -34,24 +34,24 @@ class _Change:
 
 
 class History:
-    """What files held before the studio changed them."""
+    """Contents of files before and after the changes of the studio."""
 
     def __init__(self) -> None:
-        """Nothing was changed yet."""
+        """No changes yet."""
         self._count = 0
         self._done: list[_Change] = []
         self._undone: list[_Change] = []
         self._lock = Lock()
 
     def record(self, files: Sequence[Path], words: str, change: Callable[[], object]) -> None:
-        """Make a change to some files, and remember what they held before; words: "the colours of the marks"."""
+        """Make a change to files, and store their previous contents; words: such as "the colours of the marks"."""
         with self._lock:
             before = {path: _content(path) for path in files}
             change()
             self._note(words, before)
 
     def watch(self, files: Sequence[Path], words: str) -> Callable[[], None]:
-        """Remember what some files hold now; what is given is to be called after somebody, a job say, changed them."""
+        """Store the present contents of files; call the returned function after a job or the like has changed them."""
         before = {path: _content(path) for path in files}
 
         def changed() -> None:
@@ -71,10 +71,10 @@ class History:
             del self._done[0]
 
     def step(self, touches: Touches, way: Literal["undo", "redo"], number: int) -> str:
-        """Take the last change back, or make it again, that touched files of a kind; gives what it was, in words.
+        """Undo or redo the last change of the files selected by touches; return its description.
 
-        number: of the change that is meant, as `next_steps` gave it. Raises ChangedMeanwhileError where that is not the
-        last one any more or somebody else has written since, InputError where there is no change.
+        number: of the intended change, from `next_steps`. Raises ChangedMeanwhileError if it is no longer the last one
+        or the files have been changed by others, InputError if there is no change.
         """
         with self._lock:
             source, target = (self._done, self._undone) if way == "undo" else (self._undone, self._done)
@@ -97,7 +97,7 @@ class History:
             return found.words
 
     def next_steps(self, touches: Touches) -> dict[str, Any]:
-        """Number and words of what would be undone and redone; None where there is nothing."""
+        """Number and description of the changes that would be undone and redone; None if there is none."""
         with self._lock:
             found = {"undo": _last(self._done, touches), "redo": _last(self._undone, touches)}
         return {way: change and {"number": change.number, "words": change.words} for way, change in found.items()}

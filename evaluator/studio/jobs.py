@@ -1,7 +1,7 @@
 """Jobs in a separate process, one at a time: progress, cancel, pause, and resumption after a restart.
 
-Work goes on where it stopped because its results are reused while they are up to date. What is under way is noted in a
-file of the folder, so that a studio that starts again takes it up.
+A resumed job continues where it stopped, because results are reused while they are up to date. Unfinished jobs are
+listed in a file of the folder, from which the next studio resumes them.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from evaluator.studio.work import carry_out
 from evaluator.workflow import PROCESSES, Outputs, files_named, out_folder
 
 JOURNAL = ".turnscope-studio.json"
-TAKEN_UP = ("analyse", "diagnose")  # after the studio was ended; the file may be another's: it names no more than these
+TAKEN_UP = ("analyse", "diagnose")  # resumed after a restart; others in the file are ignored, as it may be forged
 ENDED = ("done", "failed", "cancelled", "paused")
-MOST_KEPT = 20  # ended jobs that are remembered
-CANCEL_S = 15.0  # work looks for a wish to end every second; what does not is killed: its files are whole all the same
+MOST_KEPT = 20  # ended jobs that are listed
+CANCEL_S = 15.0  # jobs check for cancellation every second; after this time they are killed, without incomplete files
 
 
 @dataclass
 class Job:
-    """One piece of work and how far it is; state: waiting, running or one of ENDED."""
+    """A job with its progress; state: waiting, running or one of ENDED."""
 
     number: int
     kind: str
@@ -46,10 +46,10 @@ class Job:
 
 
 class Jobs:
-    """Jobs of a folder, in the order in which they were asked for."""
+    """Jobs of a folder, in the order of their requests."""
 
     def __init__(self, folder: Folder) -> None:
-        """Take up what an earlier studio left."""
+        """Read the unfinished jobs of an earlier studio."""
         self._folder = folder
         self._jobs: dict[int, Job] = {}
         self._orders: dict[int, dict[str, Any]] = {}
@@ -59,7 +59,7 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name="jobs", daemon=True)
 
     def start(self) -> None:
-        """Begin to work, with what was under way when the last studio was ended."""
+        """Start working, first on the unfinished jobs of the last studio."""
         self._thread.start()
         try:
             for order in json.loads((self._folder.root / JOURNAL).read_text(encoding="utf-8"))["running"]:
@@ -69,7 +69,7 @@ class Jobs:
                         self._folder.inside(path)
                     self.add(order["kind"], experiment)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            return  # nothing was under way
+            return  # no unfinished jobs
 
     def add(
         self,
@@ -78,14 +78,14 @@ class Jobs:
         options: dict[str, Any] | None = None,
         done: Callable[[], object] | None = None,
     ) -> int:
-        """Ask for work on a file or folder; what waits or runs already is not asked twice. done: called after."""
+        """Add a job for a file or folder, unless an equal one waits or runs already. done: called afterwards."""
         relative = self._folder.relative(target)
         with self._changed:
             for job in self._jobs.values():
                 if (job.kind, job.target) == (kind, relative) and job.state not in ENDED and not job.wish:
                     return job.number
             for one in [n for n, j in self._jobs.items() if (j.kind, j.target, j.state) == (kind, relative, "paused")]:
-                del self._jobs[one]  # it goes on as the new one
+                del self._jobs[one]  # continued as the new one
             job = Job(self._next, kind, relative, self._folder.id_of(target))
             self._next += 1
             self._jobs[job.number] = job
@@ -98,7 +98,7 @@ class Jobs:
         return job.number
 
     def end(self, number: int, how: str) -> None:
-        """Cancel or pause a job; both keep what is finished."""
+        """Cancel or pause a job; completed results are kept in both cases."""
         with self._changed:
             job = self._jobs.get(number)
             if job is None or job.state in ENDED:
@@ -109,12 +109,12 @@ class Jobs:
             self._tell()
 
     def view(self) -> list[dict[str, Any]]:
-        """All jobs as plain values, the newest first."""
+        """All jobs as plain values, newest first."""
         with self._changed:
             return [asdict(job) for job in reversed(self._jobs.values())]
 
     def close(self) -> None:
-        """End the work; the next studio goes on with it."""
+        """Stop working; the next studio resumes unfinished jobs."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -148,7 +148,7 @@ class Jobs:
     def _run(self, job: Job) -> None:
         ours, theirs = PROCESSES.Pipe()
         order = self._orders[job.number]
-        # Not a daemon: it has worker processes of its own. It ends by itself when our end of the pipe is closed.
+        # Not a daemon, because it starts worker processes. It ends when this end of the pipe is closed.
         process = PROCESSES.Process(
             target=carry_out, args=(theirs, job.kind, self._folder.root / job.target, order["options"])
         )
@@ -197,7 +197,7 @@ class Jobs:
                 self._tell()
 
     def _finished(self, job: Job) -> list[str]:
-        """Runs whose record was written since the job began."""
+        """Runs with a record written since the start of the job."""
         outputs = Outputs(out_folder(self._folder.root / job.target))
 
         def done(run: str) -> bool:

@@ -1,7 +1,7 @@
 """Access control of the studio: only the browser that opened the link, on this machine, and no other page in it.
 
-Every request passes through `Guard`, whatever its route. The studio has no accounts: the secret in the link, exchanged
-for a cookie, is what tells its user from other programs and pages.
+Every request passes through `Guard`, whatever its route. The studio has no accounts: its user is authenticated by the
+secret in the link, which is exchanged for a cookie.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ class Guard:
         self._app, self._secrets = app, known
         self._hosts = frozenset(f"{name}:{port}".encode() for name in ("127.0.0.1", "localhost", "[::1]"))
         self._origins = frozenset(b"http://" + host for host in self._hosts)
-        self._cookie = f"turnscope_studio_{port}"  # cookies do not tell ports apart, studios must
+        self._cookie = f"turnscope_studio_{port}"  # cookies are shared between ports, studios must not be
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or refuse in one sentence."""
+        """Answer a request, or refuse it with one sentence."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -87,7 +87,7 @@ class Guard:
         if (changes or any(name == b"origin" for name, _ in headers)) and not _only(headers, b"origin", self._origins):
             return True
         sites = [value for name, value in headers if name == b"sec-fetch-site"]
-        # The opening link may be followed from anywhere, a chat window, say: it carries its own secret.
+        # The opening link may be followed from any program, because it contains its own secret.
         return scope["path"] != OPEN and any(site not in (b"same-origin", b"none") for site in sites)
 
     def _opened(self, scope: Scope) -> Response:
@@ -105,7 +105,7 @@ class Guard:
 
 
 def _only(headers: Iterable[tuple[bytes, bytes]], name: bytes, allowed: frozenset[bytes]) -> bool:
-    """Whether a header is there once and allowed."""
+    """Whether a header occurs exactly once and is allowed."""
     values = [value for key, value in headers if key == name]
     return len(values) == 1 and values[0].lower() in allowed
 
@@ -126,7 +126,7 @@ def _with_headers(send: Send) -> Send:
 
 
 def _bounded(receive: Receive) -> Receive:
-    """Receive a body of at most MOST_BODY_BYTES within BODY_S; what comes after it (the end) may take its time."""
+    """Receive a body of at most MOST_BODY_BYTES within BODY_S; messages after it (disconnection) have no limit."""
     size, ended = 0, False
     began: float | None = None
 

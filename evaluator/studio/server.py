@@ -17,9 +17,9 @@ MOST_CONNECTIONS = 128  # a tab has at most six
 
 
 def serve(folder: Path, port: int, opened: Callable[[str], None]) -> None:
-    """Serve a folder until interrupted. opened: told the link once it can be followed. port 0: any that is free.
+    """Serve a folder until interrupted. opened: called with the link when the server is ready. port 0: any free one.
 
-    Raises OSError where the folder is not there or the port is taken.
+    Raises OSError if the folder does not exist or the port is in use.
     """
     listening = listening_on(port)
     server, link = server_of(folder, listening, prepared=True)
@@ -28,7 +28,7 @@ def serve(folder: Path, port: int, opened: Callable[[str], None]) -> None:
 
 
 def listening_on(port: int) -> socket.socket:
-    """A socket of the loopback. Raises OSError where the port is taken."""
+    """A socket of the loopback. Raises OSError if the port is in use."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

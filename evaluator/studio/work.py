@@ -1,4 +1,4 @@
-"""The process of a job: calls workflow, reports progress, and stops when told to or when the studio is gone."""
+"""The process of a job: calls workflow, reports progress, and stops on request or when the studio has ended."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def carry_out(pipe: Connection, kind: str, target: Path, options: Json) -> None:
     """Do one kind of work; the last message is done, failed or cancelled."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for the studio, which tells us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the studio handles interrupts, and stops this process
     progress = _PipeProgress(pipe)
     try:
         pipe.send(("done", KINDS[kind](progress, target, options)))
@@ -29,7 +29,7 @@ def carry_out(pipe: Connection, kind: str, target: Path, options: Json) -> None:
             f"{Path(error.filename).name}: {error.strerror}" if isinstance(error, OSError) and error.filename else error
         )
         progress.finally_say("failed", str(named))
-    except Exception as error:  # noqa: BLE001 - the studio says it, and goes on
+    except Exception as error:  # noqa: BLE001 - the studio reports it, and continues
         progress.finally_say("failed", f"unexpected {type(error).__name__}: {error}")
 
 
@@ -41,7 +41,7 @@ class _PipeProgress:
         self._last = 0.0
 
     def __call__(self, stage: str, done: float, total: float = 1.0, /) -> None:
-        """Tell, not more often than is seen. Raises Cancelled."""
+        """Send progress, at most every TELL_S. Raises Cancelled."""
         try:
             if self.pipe.poll():
                 self.pipe.recv()
@@ -50,11 +50,11 @@ class _PipeProgress:
             if now - self._last >= TELL_S or done >= total:
                 self._last = now
                 self.pipe.send(("progress", (stage, done / total if total else 0.0)))
-        except (EOFError, OSError) as error:  # the studio is gone: the next one goes on
+        except (EOFError, OSError) as error:  # the studio has ended; the next one resumes the job
             raise Cancelled from error
 
     def finally_say(self, kind: str, value: Any) -> None:
-        """The last message; nobody may be there to hear it."""
+        """Send the last message; the studio may have ended already."""
         try:
             self.pipe.send((kind, value))
         except (OSError, ValueError):

@@ -1,8 +1,8 @@
-"""Everything that a front end does, as functions: analysis, comparison, diagnosis, simulation, calibration, rendering.
+"""Functions for all front ends: analysis, comparison, diagnosis, simulation, calibration, rendering.
 
-Each takes paths or values, reports to a Progress that may cancel it, and leaves whole files. What an experiment needs
-is computed in parallel and reused while it is up to date. `__init__.pyi` lists the functions and the files that define
-them; each is imported when it is first used.
+Each takes paths or values, reports to a Progress that may cancel it, and never leaves incomplete files. Results of an
+experiment are computed in parallel and reused while they are up to date. `__init__.pyi` lists the functions and the
+files that define them; each is imported on first use.
 """
 
 from __future__ import annotations

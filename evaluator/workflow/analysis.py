@@ -39,9 +39,9 @@ SHOWN = (
 class Analysis:
     """Results of an analysis: tables with a row per run, and a reason for every run without results.
 
-    notes: what is odd about the recordings of runs. mistakes: runs that contradict their commands or the robot file.
+    notes: peculiarities of the recordings of runs. mistakes: runs that contradict their commands or the robot file.
     pooled: a row per command, its repetitions pooled; directions: a row per command driven both ways. changed: inputs
-    that are no longer what was read, as they were written during the analysis.
+    that were changed during the analysis.
     """
 
     experiment: Experiment
@@ -89,11 +89,11 @@ def analyze(
     """Measure every run of an experiment.toml (and simulate it), reusing results that are up to date.
 
     Writes turning.csv, pooled.csv, directions.csv, marks/ and poses/ below out; with simulate also comparison.csv and
-    simulated/; and provenance.json. A comparison.csv of earlier results does not stay beside new ones. A run that
-    cannot be analysed is named in `faults` with its reason and does not stop the others.
+    simulated/; and provenance.json. A comparison.csv of earlier results is removed. A run that cannot be analysed is
+    listed in `faults` with its reason and does not stop the others.
     workers: processes, by default one per core; dask: address of a Dask scheduler whose workers see the same files
-    under the same names. The results depend on neither. Cancelled by its progress, it keeps the runs that are done.
-    Raises InputError where the experiment cannot be used, or none of its runs can.
+    under the same names. The results depend on neither. If cancelled, the results of completed runs are kept.
+    Raises InputError if the experiment or all of its runs cannot be used.
     """
     path = Path(experiment)
     as_found, text = AsFound.of([path]), read_with(_text_of, path)
@@ -115,7 +115,7 @@ def analyze(
         comparison = _table(described, [results[run.id].comparison or ({},) for run in described.run])
         write_table(comparison, outputs.comparison)
     elif any(not result.reused for result in results.values()):
-        outputs.comparison.unlink(missing_ok=True)  # it compared what no longer is
+        outputs.comparison.unlink(missing_ok=True)  # it belongs to earlier results
     changed = tuple(as_found.changed())
     write_provenance(outputs.provenance, path, text, inputs, changed, command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
@@ -150,46 +150,46 @@ def _text_of(path: Path) -> str:
 def results_of(
     jobs: Sequence[Job], workers: int | None = None, dask: str | None = None, progress: Progress = no_progress
 ) -> dict[str, RunResult]:
-    """The result of every run by its id: known, or computed now; see `analyze`, which makes tables of them."""
+    """The result of every run by its id, from the cache or computed; `analyze` makes tables of them."""
     results = {job.run.id: result for job in jobs if (result := known_result(job))}
     todo = [job for job in jobs if job.run.id not in results]
 
-    def told() -> None:
+    def report() -> None:
         progress("runs", len(results), len(jobs))
 
-    told()
+    report()
     work: Callable[[Job], RunResult] = _analyse
-    if dask is None and (workers == 1 or len(todo) == 1):  # in this process, which can tell how far a recording is
+    if dask is None and (workers == 1 or len(todo) == 1):  # in this process: with progress by frame
         work = partial(_analyse, progress=part_way(progress, "runs", lambda: len(results), len(jobs)))
-    with answers_of(work, todo, when_killed=lost_run, workers=workers, dask=dask, waiting=told) as answers:
+    with answers_of(work, todo, when_killed=lost_run, workers=workers, dask=dask, waiting=report) as answers:
         for _, result in answers:
             results[result.run] = result
-            told()
+            report()
     return results
 
 
 def _analyse(job: Job, progress: Progress = no_progress) -> RunResult:
-    """Analyse a run, in a worker as a rule: only there are the libraries imported that do the work."""
+    """Analyse a run; libraries are imported here, because this usually runs in a worker."""
     from evaluator.workflow.runs.analyse import analyse_run
 
     return analyse_run(job, progress)
 
 
 def pending(experiment: Path | str, out: Path | str = "out", *, simulate: bool = False) -> dict[str, list[str]]:
-    """Steps that `analyze` would execute for each run, as words; empty for a run that is up to date."""
+    """Names of the steps that `analyze` would execute for each run; empty for a run that is up to date."""
     described = read_with(load_experiment, Path(experiment))
     return {job.run.id: _outdated(job) for job in jobs_of(described, Outputs(Path(out)), simulate=simulate)}
 
 
 def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list[Job]:
-    """The job of every run. Raises InputError for a robot that cannot be read: it concerns more than one run."""
+    """The job of every run. Raises InputError for a robot that cannot be read, because it concerns all its runs."""
     robots: dict[str, Robot | MeasuredRobot] = {}
-    load = load_robot if simulate else load_any_robot  # mere measuring needs no more than marks
+    load = load_robot if simulate else load_any_robot  # measurement needs only the marks of a robot
     for run in experiment.run:
         name = run.robot or experiment.robot
         if name not in robots:
             robots[name] = read_with(load, Path(name))
-    # Absolute, for workers that were not started where this process was.
+    # Absolute, because workers may have another working directory.
     shared = (experiment.tracking, experiment.tracks, outputs.folder.resolve(), simulate)
     return [
         Job(run, robots[run.robot or experiment.robot], *shared, order=order)
@@ -229,7 +229,7 @@ def _table(experiment: Experiment, found: Sequence[Sequence[dict[str, Any]]]) ->
 
 
 def _pool(turning: pd.DataFrame, outputs: Outputs) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Repetitions pooled, and backward set against forward where commands were driven both ways; both written."""
+    """Pool repetitions and compare backward with forward turns of the same speeds; write both tables."""
     from evaluator.turning.repetitions import compare_directions, pool_runs
 
     pooled, directions = pool_runs(turning), compare_directions(turning)

@@ -61,9 +61,9 @@ def calibrate(
 ) -> Calibrated:
     """Solve the camera from images of the gauge.
 
-    images: paths or arrays; plate: number of the one that shows the gauge lying on the plate; distance_mm: measured
-    height of the lens above the plate and its sigma; mark_height_mm: where the marks ride, for the verdict. strict:
-    whether one image that cannot be used is an error; otherwise it is left out and named, as long as enough remain.
+    images: paths or arrays; plate: index of the image with the gauge on the plate; distance_mm: measured height of the
+    lens above the plate and its sigma; mark_height_mm: height of the marks, for the verdict. strict: whether an image
+    that cannot be used is an error; otherwise it is excluded and listed, if enough images remain.
     Raises InputError, CalibrationError.
     """
     if distance_mm is not None and not (distance_mm[0] > 0 and distance_mm[1] > 0):

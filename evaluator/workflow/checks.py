@@ -25,7 +25,7 @@ class Check:
 
 
 def check_experiment(path: Path) -> Check:
-    """Read experiment.toml and every file it names; every fault is a sentence of its own."""
+    """Read experiment.toml and every file it names; each fault is one sentence."""
     path = Path(path)
     faults: list[str] = []
     experiment: Experiment | None = None
@@ -82,7 +82,7 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
 
 
 def _outside(run: Run) -> str | None:
-    """The fault of motors that start or stop outside the recording, as far as the file tells without decoding it."""
+    """The fault of motors that start or stop outside the recording, by the duration that the container states."""
     from evaluator.interchange.poses import read_poses
     from evaluator.interchange.tracks import program_of
     from evaluator.marks import read_marks
@@ -104,7 +104,7 @@ def _outside(run: Run) -> str | None:
 
 
 def _faults_of_named_files(path: Path) -> Iterator[str]:
-    """Faults of the files an experiment names, even where the experiment itself has faults."""
+    """Faults of the files an experiment names, even if the experiment itself has faults."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -147,7 +147,7 @@ def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
-    """Open a marks file as the analysis will, all but the camera: points in px are placed only there."""
+    """Read a marks file as the analysis does, except for the conversion of px by the camera."""
     from evaluator.interchange.tracks import Tracks, program_of, read_points
     from evaluator.marks import mark_names, read_marks
 

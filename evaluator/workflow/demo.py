@@ -23,7 +23,7 @@ class Samples:
 def prepare_samples(folder: Path | str, progress: Progress = no_progress) -> Samples:
     """Copy the samples into a folder and solve their camera from the gauge images.
 
-    What the analysis needs is compiled meanwhile, where it is not yet. Raises InputError where there are no samples.
+    Kernels for the analysis are compiled in parallel if necessary. Raises InputError if there are no samples.
     """
     experiment = copy_samples(Path(folder))
     precompile(experiment.parent / "turn-33-5.mp4")

@@ -1,7 +1,7 @@
-"""Results for other programs: one JSON file of all runs, and a netCDF file per run as movement has them.
+"""Results for other programs: one JSON file of all runs, and a netCDF file per run in the layout of movement.
 
-Both carry the provenance. The netCDF is the classic format, byte for byte the same for the same results; xarray and
-movement open it: position (mm, plate frame) over time, space, keypoints (the marks, then center) and individuals.
+Both contain the provenance. The netCDF files have the classic format and are reproducible byte by byte; xarray and
+movement open them: position (mm, plate frame) over time, space, keypoints (the marks, then center) and individuals.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def export(
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """A table as a list of objects; what is not a finite number becomes null."""
+    """A table as a list of objects; numbers that are not finite become null."""
     found: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=15))
     return found
 
@@ -76,7 +76,7 @@ def write_netcdf(outputs: Outputs, run: str, path: Path, provenance: dict[str, A
             _labels(file, name, labels)
         _variable(file, "position", DIMENSIONS, position[..., None], "mm")
         _variable(file, "position_sigma", DIMENSIONS, sigma[..., None], "mm")
-        # movement asks for a confidence of every point; how well it is known says position_sigma.
+        # movement requires a confidence of every point; the uncertainty is in position_sigma.
         measured = np.isfinite(position).all(axis=1).astype(float)
         _variable(file, "confidence", DIMENSIONS[:1] + DIMENSIONS[2:], measured[..., None], "1 measured, 0 absent")
         _variable(file, "heading", ("time",), poses["heading_deg"].to_numpy(), "degree")

@@ -13,10 +13,10 @@ TEMPLATES = ("experiment.toml", "gauge.toml", "tracking.toml")
 
 
 def new_experiment(folder: Path | str, robot: str = "barrel") -> list[Path]:
-    """Write experiment.toml, gauge.toml, tracking.toml and robot.toml into a folder; gives their paths.
+    """Write experiment.toml, gauge.toml, tracking.toml and robot.toml into a folder; return their paths.
 
-    robot: a shipped robot to start from. Raises InputError where one of the files is there already, SimulationError for
-    a robot that is not shipped.
+    robot: name of a shipped robot. Raises InputError if one of the files exists already, SimulationError for a robot
+    that is not shipped.
     """
     folder = Path(folder)
     contents = {name: (files("evaluator.templates") / name).read_text(encoding="utf-8") for name in TEMPLATES}

@@ -1,4 +1,4 @@
-"""Scene files to videos and gauge images, with exact truth beside them."""
+"""Rendering of scene files to videos and gauge images, with their exact truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SceneOrder:
-    """A scene that has been read, and where its results go."""
+    """A scene that has been read, and the paths of its results."""
 
     path: Path
     scene: Scene | GaugeScene
@@ -40,9 +40,9 @@ class Rendered:
 
 
 def read_scene(path: Path | str, output: Path | None = None, truth: Path | None = None) -> SceneOrder:
-    """Read a scene and what it names, so that every fault is said before any work.
+    """Read a scene and the files that it names, so that all faults are reported before rendering.
 
-    output, truth: where the scene file does not say it or other places are wanted.
+    output, truth: paths of the results, by default those in the scene file.
     Raises InputError, SimulationError, CalibrationError.
     """
     from calibration.gauge.geometry import load_gauge
@@ -65,7 +65,7 @@ def read_scene(path: Path | str, output: Path | None = None, truth: Path | None 
 
 
 def render_scene(order: SceneOrder, progress: Progress = no_progress) -> Rendered:
-    """Render a scene to its files. Raises as reading does, and OSError."""
+    """Render a scene to its files. Raises as read_scene does, and OSError."""
     from simulator.rendering import GaugeScene, check_container, render_clip, render_gauge
 
     scene = order.scene
@@ -89,19 +89,19 @@ def render_scenes(
     """Render scenes in parallel on all cores; a scene that fails does not stop the others."""
     found: dict[int, Rendered] = {}
 
-    def told() -> None:
+    def report() -> None:
         progress("scenes", len(found), len(orders))
 
-    told()
-    with answers_of(_attempt, orders, when_killed=_killed, workers=workers, waiting=told) as answers:
+    report()
+    with answers_of(_attempt, orders, when_killed=_killed, workers=workers, waiting=report) as answers:
         for number, answer in answers:
             found[number] = answer
-            told()
+            report()
     return [found[number] for number in range(len(orders))]
 
 
 def _attempt(order: SceneOrder) -> Rendered:
-    """Carry out an order in a worker process."""
+    """Render an order in a worker process."""
     from calibration.errors import CalibrationError
     from simulator.errors import SimulationError
 
@@ -116,7 +116,7 @@ def _killed(order: SceneOrder) -> Rendered:
 
 
 def _shown_from_here(path: Path | None) -> Path | None:
-    """A path in its shortest form, so that messages read well."""
+    """A path in its shortest form, for messages."""
     if path is None:
         return None
     return min(Path(os.path.relpath(path)), Path(os.path.normpath(path)), key=lambda form: len(str(form)))

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from evaluator.errors import InputError
 
-NOT_COPIED = ("truth", "recipes")  # an analysis has no business with them
+NOT_COPIED = ("truth", "recipes")  # not needed for an analysis
 
 
 def sample_folder() -> Path:
-    """Folder of the shipped samples. Raises InputError where the installation has none."""
+    """Folder of the shipped samples. Raises InputError if they are not installed."""
     try:
         experiment = Path(str(files("sample_videos") / "experiment.toml"))
     except ModuleNotFoundError:
@@ -23,7 +23,7 @@ def sample_folder() -> Path:
 
 
 def copy_samples(folder: Path) -> Path:
-    """Copy the samples into folder, files that are already there and equal are left; returns the experiment file."""
+    """Copy the samples into folder, except for identical files that exist already; return the experiment file."""
     source = sample_folder()
     for path in sorted(source.rglob("*")):
         relative = path.relative_to(source)

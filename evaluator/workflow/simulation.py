@@ -59,7 +59,7 @@ def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: S
     """Steady turn of a robot at every left speed and every ratio right/left, a row each.
 
     Columns: left_rpm, right_rpm, ratio, radius_mm (signed, positive to the left; infinite on a straight line),
-    speed_mm_s, yaw_rate_deg_s. NaN where it does not settle. Neighbouring ratios are best given in order.
+    speed_mm_s, yaw_rate_deg_s. NaN if there is no steady turn. Neighbouring ratios should be given in order.
     """
     found = steady_map(robot_of(robot), left_rpm, ratios)
     left, ratio = np.meshgrid(found.left_rpm, found.ratio, indexing="ij")
@@ -82,7 +82,7 @@ def export_robot(
 ) -> tuple[str, ...]:
     """Write a robot for MuJoCo ("mjcf") or Gazebo ("sdf"), matched at the steady turn of a command.
 
-    Returns what was lost, as sentences.
+    Returns sentences about properties that cannot be exported.
 
     Raises InputError and SimulationError as robot_of, and SimulationError for a robot with effects.
     """

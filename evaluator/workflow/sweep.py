@@ -16,7 +16,7 @@ from evaluator.workflow.execution.answers import answers_of
 from simulator.robot import Robot
 from simulator.sweep import Sweep, load_sweep, robot_of_sweep, run_part
 
-RUNS_A_PART = 500  # a part takes about a second: seldom lost, seldom waited for
+RUNS_A_PART = 500  # a part takes about a second, so that little is lost by an interruption
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ def run_sweep(
 ) -> SweepDone:
     """Simulate every run of a sweep and write a CSV with a row per run.
 
-    Parts are kept in a folder beside the output until all are there: a sweep that was cancelled or interrupted goes on
-    where it was when it is started again, and ends with the same table. workers, dask: as for `analyze`.
-    Raises InputError for a file that cannot be used, SimulationError for a key that is none.
+    Parts are stored in a folder beside the output until all are complete: a sweep that was cancelled or interrupted is
+    resumed when it is started again, with the same result. workers, dask: as for `analyze`.
+    Raises InputError for a file that cannot be used, SimulationError for an unknown key.
     """
     sweep = read_with(load_sweep, Path(sweep_file))
     robot = read_with(lambda _: robot_of_sweep(sweep), Path(sweep.robot))
@@ -76,15 +76,15 @@ def run_sweep(
 def _simulate(
     missing: list[_Part], count: int, folder: Path, workers: int | None, dask: str | None, progress: Progress
 ) -> int:
-    """Simulate parts and keep each when it is done; gives the number of those that were lost."""
+    """Simulate parts and save each on completion; return the number of lost parts."""
     done, lost = count - len(missing), 0
 
-    def told() -> None:
+    def report() -> None:
         progress("simulating", done, count)
 
-    told()
+    report()
     folder.mkdir(parents=True, exist_ok=True)
-    with answers_of(_run, missing, when_killed=_lost, workers=workers, dask=dask, waiting=told) as answers:
+    with answers_of(_run, missing, when_killed=_lost, workers=workers, dask=dask, waiting=report) as answers:
         for number, table in answers:
             if table is None:
                 lost += 1
@@ -92,7 +92,7 @@ def _simulate(
             with written_whole(_file(folder, missing[number])) as temporary:
                 table.to_csv(temporary, index=False, float_format="%.9g")
             done += 1
-            told()
+            report()
     return lost
 
 
@@ -105,7 +105,7 @@ def _lost(part: _Part) -> None:
 
 
 def _parts_folder(sweep: Sweep, robot: Robot, output: Path) -> Path:
-    """Folder of the parts: what was done for another sweep file or another robot must not be taken for this one's."""
+    """Folder of the parts, named by a hash so that parts of another sweep file or robot are not reused."""
     meaning = f"{sweep.model_dump_json()}\n{robot.model_dump_json()}\n{RUNS_A_PART}"
     return output.with_name(f"{output.name}.parts-{hashlib.sha256(meaning.encode()).hexdigest()[:12]}")
 

@@ -57,12 +57,12 @@ class Tracked:
 
 
 def not_looked_at(recording: Source, marks: pd.DataFrame, settings: TrackingSettings) -> None:
-    """Show nothing of the search."""
+    """Do not show the search for marks."""
     del recording, marks, settings
 
 
 def _colourless(recording: Source) -> bool:
-    """Whether the first frame is grey; of a stream that cannot be read again nothing is known."""
+    """Whether the first frame is grey; False for a stream that cannot be read again."""
     if getattr(recording, "live", False):
         return False
     first = next(iter(recording), None)
@@ -86,11 +86,11 @@ def track_recording(
 ) -> Tracked:
     """Track the marks of a recording and write them as a marks CSV.
 
-    settings: tracking.toml; camera: camera.json, without which marks have no place on the plate; height_mm: of the
-    marks above the plate, else that of the robot; rate_hz, fields: as for `open_recording`; corrections: CSV by hand.
-    looked_at: called with what was tracked, also where no mark was found, to show what the search saw; where_to_look:
-    says in that case where to see it.
-    Raises InputError for a file that cannot be used or changes meanwhile, and where no mark is found in any frame.
+    settings: tracking.toml; camera: camera.json, without which marks have no position on the plate; height_mm: of the
+    marks above the plate, by default that of the robot; rate_hz, fields: as for `open_recording`; corrections: CSV of
+    manual corrections. looked_at: called with the tracked table, also if no mark was found, to show the search for
+    marks; where_to_look: says in that case where it is shown.
+    Raises InputError for a file that cannot be used or changes meanwhile, and if no mark is found in any frame.
     """
     wanted = read_with(load_settings, settings) if settings else None
     by_hand = read_corrections(corrections) if corrections else None

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from evaluator.robot_geometry import RobotGeometry
 
 Array = NDArray[np.float64]
-POINTED_PX = 1.0  # a person points at the end of a ruler to about a pixel
-SAME_RUN = 1.1  # commands are not known here: radii that differ by more than a tenth are different runs
+POINTED_PX = 1.0  # standard uncertainty of a position selected by hand
+SAME_RUN = 1.1  # largest ratio of radii of repetitions, because commands are unknown here
 
 
 @dataclass(frozen=True)
 class Ruler:
-    """Two points of an image and the length between them: the scale of a plane seen straight from above."""
+    """Two points of an image and the length between them: the scale of a plane seen vertically from above."""
 
     ends_px: tuple[float, float, float, float]
     length_mm: float
@@ -56,7 +56,7 @@ class Ruler:
 
     @property
     def sigma(self) -> float:
-        """Relative standard uncertainty: both ends are pointed at to POINTED_PX."""
+        """Relative standard uncertainty, with POINTED_PX at both ends."""
         return float(np.sqrt(2) * POINTED_PX * self.mm_per_px / self.length_mm)
 
 
@@ -84,7 +84,7 @@ class MeasuredTable:
 
 
 def measure_table(path: Path, request: Request) -> MeasuredTable:
-    """Measure one table. Raises InputError where it cannot be read, or none of its frames can be measured."""
+    """Measure one table. Raises InputError if it cannot be read, or none of its frames can be measured."""
     if holds_poses(path):
         return _of_poses(path, request)
     height = request.robot.height_mm if request.robot else 0.0
@@ -123,7 +123,7 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
 
 
 def _of_poses(path: Path, request: Request) -> MeasuredTable:
-    """Measure poses of another system; times are told by its own clock."""
+    """Measure poses of another system; times are those of its clock."""
     if request.ruler is not None:
         raise InputError(f"{path}: holds poses; --scale-px is for columns in px")
     read = read_poses(path)
@@ -136,7 +136,7 @@ def _of_poses(path: Path, request: Request) -> MeasuredTable:
 def _measured(
     head: dict[str, Any], poses: Poses, request: Request, lines: list[str], scale_sigma: float
 ) -> MeasuredTable:
-    """What poses tell, with the phases of a run that is several motions."""
+    """Results of poses, with the phases of a run that consists of several motions."""
     found = measure_turning(
         poses,
         request.start_s,
@@ -182,7 +182,7 @@ def together(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _marks(path: Path, points: dict[str, Array], robot: RobotGeometry | None) -> MarkGeometry | None:
-    """Marks of the robot that are in the table; None where there are no two. Raises InputError for a misspelt one."""
+    """Marks of the robot in the table; None if there are fewer than two. Raises InputError for a misspelt one."""
     if robot is None:
         return None
     geometry = robot.marks()
@@ -224,7 +224,7 @@ def _each_mark(
 
 
 def _table(path: Path, time: Array, points: dict[str, Array], request: Request) -> pd.DataFrame:
-    """Marks table of some marks; with all that turnscope's own tracker knows of them where it wrote the file."""
+    """Marks table of some marks, with all columns if turnscope wrote the file."""
     from evaluator.interchange.tracks import program_of
 
     if program_of(path) == "turnscope" and request.tracks.unit in (None, "mm"):

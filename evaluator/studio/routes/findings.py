@@ -55,7 +55,7 @@ def measured(studio: Studio, asked: Asked) -> Json:
 
 
 def diagnosis(studio: Studio, asked: Asked) -> Json:
-    """The last diagnosis, in numbers and in words."""
+    """The last diagnosis, with numbers and sentences."""
     path = studio.folder.path(asked.path["id"])
     found = diagnosis_view(path)
     told: Json = {
@@ -85,7 +85,7 @@ def diagnosis(studio: Studio, asked: Asked) -> Json:
 
 
 def add_effect(studio: Studio, asked: Asked) -> Json:
-    """Put effects into the experiment's robot: what the diagnosis found, or those of the request."""
+    """Add effects to the experiment's robot: those of the diagnosis, or those of the request."""
     path = studio.folder.path(asked.path["id"])
     target = studio.folder.inside(robot_file(path).path)
     effects = asked.body.get("effects")
@@ -105,7 +105,7 @@ def add_effect(studio: Studio, asked: Asked) -> Json:
 
 
 def mend(studio: Studio, asked: Asked) -> Json:
-    """Mend a mistake that a change of commands mends."""
+    """Correct a mistake by changing commands."""
     path = studio.folder.path(asked.path["id"])
     table = read_experiment(path)
     kind, runs = asked.text("mistake"), asked.body.get("runs")
@@ -124,7 +124,7 @@ def mend(studio: Studio, asked: Asked) -> Json:
 
 
 def write_mended_copy(studio: Studio, asked: Asked) -> Json:
-    """Write the experiment with all mistakes of its runs put right, as a file of its own beside it."""
+    """Write the experiment with all mistakes of its runs corrected, as a new file beside it."""
     path = studio.folder.path(asked.path["id"])
     mended = write_mended(path, out_folder(path))
     if mended is None:
@@ -135,7 +135,7 @@ def write_mended_copy(studio: Studio, asked: Asked) -> Json:
 
 
 def write_next(studio: Studio, asked: Asked) -> Json:
-    """Write the runs that would tell more as an experiment of their own, ready to be recorded."""
+    """Write the proposed further runs as a new experiment, ready to be recorded."""
     path = studio.folder.path(asked.path["id"])
     content = diagnosis_view(path).content or {}
     runs = (content.get("next_experiment") or {}).get("runs") or []
@@ -164,7 +164,7 @@ def write_next(studio: Studio, asked: Asked) -> Json:
 
 
 def sliders(studio: Studio, asked: Asked) -> Json:
-    """Sliders of a robot and of all effects. experiment: id of the one whose robot and commands to start from."""
+    """Sliders of a robot and of all effects. experiment: id of the one with the initial robot and commands."""
     robot, path = _robot(studio, asked.query)
     told: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": _commands(path)}
     told["effects"] = [
@@ -193,7 +193,7 @@ def motions(studio: Studio, asked: Asked) -> Json:
 
 
 def _robot(studio: Studio, said: Any) -> tuple[Path | str, Path | None]:
-    """The robot that is meant, and the experiment that names it."""
+    """The robot of a request, and the experiment that names it."""
     identifier = said.get("experiment")
     if not identifier:
         return str(said.get("robot") or "barrel"), None

@@ -25,8 +25,8 @@ from evaluator.workflow import (
 )
 
 SAMPLES = "turnscope-samples"
-LOOK_S = 0.2  # how often jobs are looked at for news
-BEAT_S = 15.0  # a comment so often tells a page that the studio is there
+LOOK_S = 0.2  # interval at which jobs are checked for news
+BEAT_S = 15.0  # interval of comments that show a page that the studio is running
 
 
 def routes(studio: Studio) -> list[Route]:
@@ -43,7 +43,7 @@ def routes(studio: Studio) -> list[Route]:
 
 
 def home(studio: Studio, asked: Asked) -> Json:
-    """Everything of the folder."""
+    """Experiments, cameras and recordings of the folder."""
     del asked
     folder = studio.folder
     files = list(folder.files())
@@ -71,7 +71,7 @@ def state(studio: Studio, asked: Asked) -> Json:
 
 
 def create(studio: Studio, asked: Asked) -> Json:
-    """A new experiment: a folder of that name with its files, and a run for each recording of a place."""
+    """Create an experiment: a folder of that name with its files, and a run for each recording of a chosen folder."""
     name = asked.text("name").strip()
     if not name or name.startswith(".") or any(letter in name for letter in '/\\:*?"<>|') or not name.isprintable():
         raise InputError('give the experiment a name without / \\ : * ? " < > | that does not begin with a dot')
@@ -130,7 +130,7 @@ def _all_inside(studio: Studio, experiment: Path) -> None:
 
 def _events(studio: Studio) -> Any:
     async def events(request: Request) -> StreamingResponse:
-        async def told() -> AsyncIterator[str]:
+        async def stream() -> AsyncIterator[str]:
             seen, silent = -1, 0.0
             while not await request.is_disconnected():
                 if studio.jobs.version != seen:
@@ -142,6 +142,6 @@ def _events(studio: Studio) -> Any:
                 await asyncio.sleep(LOOK_S)
                 silent += LOOK_S
 
-        return StreamingResponse(told(), media_type="text/event-stream")
+        return StreamingResponse(stream(), media_type="text/event-stream")
 
     return events

@@ -17,7 +17,7 @@ from evaluator.studio.answers import Asked, Json, Studio, endpoint, number
 from evaluator.studio.folder import VIDEOS
 from evaluator.workflow import LiveSource, cameras_here
 
-# Devices only, and files of the folder: an address could make the studio fetch what another page wishes.
+# Only devices and files of the folder: with addresses another page could make the studio request them.
 CAMERA = re.compile(r"/dev/video\d{1,3}|\d{1,3}")
 SIZE = re.compile(r"\d{2,5}x\d{2,5}")
 TAKEN = re.compile(r"gauge-(\d+)", re.ASCII)
@@ -34,7 +34,7 @@ def routes(studio: Studio) -> list[Route]:
 
 
 def sources(studio: Studio, asked: Asked) -> Json:
-    """Cameras of this computer, and recordings of the folder, which can stand in for one."""
+    """Cameras of this computer, and recordings of the folder, which can replace one."""
     del asked
     folder = studio.folder
     files = [{"id": folder.id_of(path), "path": folder.relative(path)} for path in folder.files(VIDEOS)]
@@ -42,21 +42,21 @@ def sources(studio: Studio, asked: Asked) -> Json:
 
 
 def look(studio: Studio, asked: Asked) -> Response:
-    """What the camera shows: length of the JSON as 4 bytes, the most significant first, JSON of the dots, JPEG."""
+    """The current frame: length of the JSON as 4 bytes (big-endian), JSON of the dots, JPEG."""
     shown, found = studio.live.look(_source(studio, asked.query))
     told = json.dumps(plain(found)).encode()
     return Response(len(told).to_bytes(4, "big") + told + shown, media_type="application/octet-stream")
 
 
 def close(studio: Studio, asked: Asked) -> Json:
-    """Let go of the camera."""
+    """Release the camera."""
     del asked
     studio.live.close()
     return {}
 
 
 def take(studio: Studio, asked: Asked) -> Json:
-    """Write the image that was shown last beside a gauge."""
+    """Write the last shown image beside a gauge."""
     gauge, source = studio.folder.path(asked.path["id"]), _source(studio, asked.body)
     numbers = [int(found[1]) for path in gauge.parent.iterdir() if (found := TAKEN.match(path.name))]
     target = studio.folder.inside(gauge.parent / f"gauge-{max(numbers, default=0) + 1}.png")

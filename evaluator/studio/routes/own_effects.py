@@ -37,7 +37,7 @@ def routes(studio: Studio) -> list[Route]:
 
 
 def there(studio: Studio, asked: Asked) -> Json:
-    """The effects beside an experiment, the form that an unknown verdict offers, and what terms can be made of."""
+    """The effects beside an experiment, the proposal of an unknown verdict, and the components of terms."""
     path = studio.folder.path(asked.path["id"])
     content = diagnosis_view(path).content or {}
     offered = offered_effect(Outputs(out_folder(path)).own_effect) if content.get("verdict") == "unknown" else None
@@ -62,7 +62,7 @@ def write(studio: Studio, asked: Asked) -> Json:
 
 
 def remove(studio: Studio, asked: Asked) -> Json:
-    """Take an effect away; it can be undone."""
+    """Remove an effect; this can be undone."""
     path, effect = studio.folder.path(asked.path["id"]), asked.text("id")
     target, version = studio.folder.inside(own_effects_folder(path) / f"{effect}.toml"), asked.text("version")
     studio.history.record([target], f"{effect} taken away", lambda: remove_own_effect(path, effect, version))
@@ -70,7 +70,7 @@ def remove(studio: Studio, asked: Asked) -> Json:
 
 
 def _term(row: Any) -> Json:
-    """One term of a request; a number that is not given is left out."""
+    """One term of a request; numbers that are not given are omitted."""
     if not isinstance(row, dict) or not all(isinstance(row.get(key), str) for key in TEXTS):
         raise InputError("a term needs a channel, what it depends on, a pattern, a coefficient and a unit")
     numbers = {key: number(row[key], key) for key in NUMBERS if row.get(key) not in (None, "")}

@@ -69,7 +69,7 @@ def set_tracking(studio: Studio, asked: Asked) -> Json:
 
 
 def look(studio: Studio, asked: Asked) -> Json:
-    """What the search for marks sees in some frames, with settings that need not be saved yet."""
+    """Results of the search for marks in some frames, with settings that need not be saved yet."""
     run = run_of(studio.folder.path(asked.path["id"]), asked.path["run"])
     numbers, said = asked.body.get("frames"), asked.body.get("said") or {}
     if run.video is None:
@@ -82,7 +82,7 @@ def look(studio: Studio, asked: Asked) -> Json:
 
 
 def corrections(studio: Studio, asked: Asked) -> Json:
-    """Corrections of a run by hand."""
+    """Manual corrections of a run."""
     path = studio.folder.path(asked.path["id"])
     inside = studio.folder.inside(corrections_file(path, asked.path["run"]))
     rows, version = corrections_of(path, asked.path["run"])
@@ -122,14 +122,14 @@ def rig(studio: Studio, asked: Asked) -> Json:
     folder = studio.folder
     files = list(folder.files())
 
-    def told(path: Path) -> Json:
+    def entry(path: Path) -> Json:
         place = folder.relative(path)
         return {"id": folder.id_of(path), "path": place, "folder": str(Path(place).parent), "name": path.name}
 
     return {
-        "gauges": [told(path) for path in files if path.suffix == ".toml" and _is_gauge(path)],
-        "images": [told(path) for path in files if path.suffix.lower() in IMAGES],
-        "cameras": [{**told(one.path), "level": one.level} for one in cameras_among(files)],
+        "gauges": [entry(path) for path in files if path.suffix == ".toml" and _is_gauge(path)],
+        "images": [entry(path) for path in files if path.suffix.lower() in IMAGES],
+        "cameras": [{**entry(one.path), "level": one.level} for one in cameras_among(files)],
     }
 
 
@@ -149,13 +149,13 @@ def camera(studio: Studio, asked: Asked) -> Json:
 
 
 def sheet(studio: Studio, asked: Asked) -> Response:
-    """The sheet of a gauge, to print."""
+    """The printable sheet of a gauge."""
     headers = {"Content-Disposition": 'attachment; filename="gauge.pdf"'}
     return Response(gauge_pdf(studio.folder.path(asked.path["id"])), media_type="application/pdf", headers=headers)
 
 
 def calibrate(studio: Studio, asked: Asked) -> Json:
-    """Solve a camera from images of a gauge; camera.json stands beside gauge.toml."""
+    """Solve a camera from images of a gauge; camera.json is written beside gauge.toml."""
     gauge = studio.folder.path(asked.path["id"])
     chosen, plate = asked.body.get("images"), asked.body.get("plate", 0)
     if not isinstance(chosen, list) or not chosen or type(plate) is not int or not 0 <= plate < len(chosen):

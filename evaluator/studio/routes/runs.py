@@ -1,4 +1,4 @@
-"""The Runs screen: the table of experiment.toml, frames of recordings, and the curves in step with them."""
+"""Routes of the screen Runs: the table of experiment.toml, frames of recordings, and synchronous curves."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def routes(studio: Studio) -> list[Route]:
 
 
 def table(studio: Studio, asked: Asked) -> Json:
-    """The table of an experiment, its faults, and the recordings that could be in it."""
-    return _told(studio, studio.folder.path(asked.path["id"]))
+    """The table of an experiment, its faults, and the recordings that it may use."""
+    return _answer(studio, studio.folder.path(asked.path["id"]))
 
 
 def edit(studio: Studio, asked: Asked) -> Json:
@@ -45,7 +45,7 @@ def edit(studio: Studio, asked: Asked) -> Json:
     changes = [_edit(studio, path, item) for item in edits]
     version = asked.text("version")
     studio.history.record([path], _words(changes), lambda: edit_experiment(path, version, changes))
-    return _told(studio, path)
+    return _answer(studio, path)
 
 
 def contents(studio: Studio, asked: Asked) -> Json:
@@ -55,7 +55,7 @@ def contents(studio: Studio, asked: Asked) -> Json:
 
 
 def frame(studio: Studio, asked: Asked) -> Response:
-    """One frame as JPEG; which one it is says X-Frame."""
+    """One frame as JPEG; its number is in the header X-Frame."""
     path, rate = _video(studio, asked)
     first, most = int(asked.number("index", 0)), int(asked.number("px", 0))
     near = asked.query.get("near") == "1"
@@ -64,7 +64,7 @@ def frame(studio: Studio, asked: Asked) -> Response:
 
 
 def frames(studio: Studio, asked: Asked) -> Response:
-    """Several frames after another: of each its number and length as 4 bytes, the most significant first, then JPEG."""
+    """Consecutive frames: for each its number and length as 4 bytes (big-endian), then JPEG."""
     path, rate = _video(studio, asked)
     first, most = int(asked.number("first", 0)), int(asked.number("px", 0))
     count = max(1, min(int(asked.number("count", 1)), MOST_FRAMES))
@@ -79,7 +79,7 @@ def curves(studio: Studio, asked: Asked) -> Json:
     return {"marks": found.marks, "poses": found.poses, "simulated": found.simulated}
 
 
-def _told(studio: Studio, path: Path) -> Json:
+def _answer(studio: Studio, path: Path) -> Json:
     found = read_experiment(path)
     folder = path.parent
     recordings = [_from(folder, video) for video in studio.folder.files(VIDEOS)]
@@ -94,7 +94,7 @@ def _told(studio: Studio, path: Path) -> Json:
 
 
 def _words(changes: list[Edit]) -> str:
-    """What some changes of the table are, for a person who may undo them."""
+    """Description of changes of the table, for undo."""
     if len(changes) > 1:
         return f"{len(changes)} changes of the table"
     (change,) = changes
@@ -102,7 +102,7 @@ def _words(changes: list[Edit]) -> str:
 
 
 def _from(folder: Path, path: Path) -> str:
-    """A path as a file in a folder names it."""
+    """A path as written in a file of a folder."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 

@@ -22,12 +22,12 @@ def routes(studio: Studio) -> list[Route]:
 
 
 def steps(studio: Studio, asked: Asked) -> Json:
-    """What would be undone and redone on a screen; id: of its experiment or gauge, run: of the query."""
+    """The changes that would be undone and redone on a screen; id: of its experiment or gauge, run: of the query."""
     return studio.history.next_steps(_touches(studio, asked, asked.query.get("run")))
 
 
 def step(studio: Studio, asked: Asked) -> Json:
-    """Undo or redo the change of a number."""
+    """Undo or redo the change with a number."""
     touches = _touches(studio, asked, asked.body.get("run"))
     number = asked.body.get("number")
     if type(number) is not int:
@@ -36,7 +36,7 @@ def step(studio: Studio, asked: Asked) -> Json:
 
 
 def _touches(studio: Studio, asked: Asked, run: object) -> Touches:
-    """Which files a screen shows and changes."""
+    """A test of whether a screen shows and changes a file."""
     path, screen = studio.folder.path(asked.path["id"]), asked.path["screen"]
     if screen == "camera":
         return lambda changed: changed == path or (changed.parent == path.parent and _of_camera(changed))

@@ -64,7 +64,7 @@ def _change(asked: Asked) -> tuple[list[str | int], str | float | bool | None]:
 
 
 def _name(place: list[str | int]) -> str:
-    """What a place is called in words: its last key."""
+    """The name of a place: its last key."""
     return next((key for key in reversed(place) if isinstance(key, str)), "entry")
 
 

@@ -28,7 +28,7 @@ TABLE, RESULT = "circular_test.csv", "circular_test.json"
 class CircularResult:
     """A circular test of an experiment and of its simulated counterpart; measured is None for a robot alone.
 
-    A simulated series has the runs of the measured one, at the same number.
+    A simulated series has the same runs as the measured one, in the same order.
     """
 
     measured: CircularTest | None
@@ -92,7 +92,7 @@ def circular_test_table(result: CircularResult) -> pd.DataFrame:
 
 
 def circular_test_content(result: CircularResult) -> dict[str, Any]:
-    """circular_test.json: every series with its estimates; what is not known is null."""
+    """Content of circular_test.json: every series with its estimates; unknown values are null."""
     sides = {"measured": result.measured, "simulated": result.simulated}
     return {
         "format": 1,
@@ -114,6 +114,6 @@ def _simulated(robot: Robot, commands: pd.DataFrame, like: CircularTest | None =
 
 
 def _wheelbase(robot: Robot) -> float:
-    """Front to rear axle; of a robot with one axle its track, so that it has a length to be compared by."""
+    """Distance of front and rear axle; the track of a robot with one axle."""
     places = [wheel.x_mm for wheel in robot.all_wheels if wheel.grips]
     return max(places) - min(places) or robot.track_mm

@@ -16,11 +16,11 @@ from evaluator.workflow.simulation import robot_of
 from simulator.robot import Robot
 from simulator.steady import steady_turn
 
-CIRCLES = 1.25  # of a run: a whole one after the start has settled
-LONGEST_S, SHORTEST_S = 60.0, 3.0  # recordings that are neither a burden nor too short to fit
+CIRCLES = 1.25  # of a run: a full circle after the transient of the start
+LONGEST_S, SHORTEST_S = 60.0, 3.0  # limits of the duration, for manageable recordings that can still be fitted
 LEVELS_RPM = (15.0, 30.0, 45.0, 60.0)
 RATIOS = (0.43, 0.7)
-FARTHEST = 1e-3  # a radius is met to this share
+FARTHEST = 1e-3  # relative tolerance of a radius
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ def circular_runs(
     radius_mm: float | None = None,
     repetitions: int = 3,
 ) -> list[CircularRun]:
-    """The runs of a circular test at constant commands, or at a constant radius where one is given, in their order.
+    """The runs of a circular test in order, at constant commands, or at a constant radius if one is given.
 
     rpm: speeds of the faster wheel; ratios: slower over faster wheel. All speeds, sides and directions are driven once
-    before any is repeated, so that a drift of the session is not taken for an influence of speed. Raises InputError for
-    values of which no test can be made and for a radius that the robot does not turn at, and as load_robot does.
+    before any is repeated, so that a drift over the session does not appear as an influence of speed. Raises InputError
+    for unusable values and for a radius at which the robot cannot turn, and as load_robot does.
     """
     described = robot_of(robot)
     levels = sorted(set(rpm))

@@ -47,7 +47,7 @@ def diagnose_each(
     seconds: float = USUAL_SECONDS,
     progress: Progress = no_progress,
 ) -> list[Answer]:
-    """Diagnose experiments into folders of their own below out; an answer for each, in their order.
+    """Diagnose experiments into separate folders below out; return an answer for each, in order.
 
     seconds: of processor time, after which the search of an experiment is stopped. The diagnoses do not depend on
     workers or dask. An experiment that cannot be used does not stop the others.
@@ -59,19 +59,19 @@ def diagnose_each(
     orders = [Order(path.resolve(), folders[path].resolve(), trackers, seconds) for path in experiments]
     found: dict[int, Answer] = {}
 
-    def told() -> None:
+    def report() -> None:
         progress("experiments", len(found), len(orders))
 
-    told()
-    with answers_of(_diagnosed, orders, when_killed=_lost, workers=count, dask=dask, waiting=told) as answers:
+    report()
+    with answers_of(_diagnosed, orders, when_killed=_lost, workers=count, dask=dask, waiting=report) as answers:
         for number, answer in answers:
             found[number] = answer
-            told()
+            report()
     return [found[number] for number in range(len(orders))]
 
 
 def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
-    """A folder for each experiment below out, named as its file, with the name of its folder where files share one."""
+    """A folder for each experiment below out, named after its file, and after its folder if files share a name."""
     shared = Counter(path.stem for path in experiments)
     names = {
         path: path.stem if shared[path.stem] == 1 else f"{path.resolve().parent.name}-{path.stem}"
@@ -83,7 +83,7 @@ def folders_of(experiments: Sequence[Path], out: Path) -> dict[Path, Path]:
 
 
 def _diagnosed(order: Order) -> Answer:
-    """Carry out an order in a worker process."""
+    """Diagnose an order in a worker process."""
     from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 
     try:

@@ -87,9 +87,9 @@ def diagnose(
 ) -> DiagnosisResult:
     """Find the effect that the model lacks; see `diagnose_experiment`.
 
-    effects: files of the user's own effects besides those in the folder `effects` beside the experiment; Python files
-    among them are run. seconds: of processor time, after which the search is stopped. Cancelled by its progress, or
-    stopped, it keeps the fits made so far and goes on with them the next time.
+    effects: files of user-defined effects in addition to those in the folder `effects` beside the experiment; Python
+    files among them are executed. seconds: of processor time, after which the search is stopped. If it is cancelled or
+    stopped, its fits are stored, and the next call continues with them.
     """
     path, folder = Path(experiment), Path(out)
     found, content = diagnose_experiment(
@@ -111,10 +111,9 @@ def diagnose_experiment(
     """Diagnose an experiment and write the results below out.
 
     workers: processes that track recordings, and threads that simulate, by default one per core; dask: address of a
-    scheduler whose workers track instead. The results depend on neither. A search that was stopped is no answer to
-    keep: the next call goes on with its fits. Gives the diagnosis, None where inputs and code are those of the one that
-    is there, and the content of diagnosis.json.
-    Raises InputError where the experiment, a robot or all recordings cannot be used.
+    scheduler whose workers track instead. The results depend on neither. A search that was stopped is continued by the
+    next call. Returns the diagnosis, or None if the stored one is up to date, and the content of diagnosis.json.
+    Raises InputError if the experiment, a robot or all recordings cannot be used.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     own = own_effect_ids(path, experiment, effects)
@@ -124,9 +123,9 @@ def diagnose_experiment(
         return None, load_diagnosis(outputs.diagnosis)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
     if (changed := read.changed()) and key_of_diagnosis(experiment, outputs, own) != key:
-        raise InputError(f"{changed[0]}: {CHANGED}")  # the key is of another content than what was read
+        raise InputError(f"{changed[0]}: {CHANGED}")  # the key is not that of the content that was read
     try:
-        with one_core():  # of the libraries; runs are shared among threads by the diagnosis
+        with one_core():  # for libraries; the diagnosis distributes runs among threads
             found = diagnose_session(
                 session,
                 progress,
@@ -149,7 +148,7 @@ def diagnose_experiment(
 
 
 def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: Outputs) -> list[Path]:
-    """Write the results; what an earlier diagnosis left and this one does not have is removed.
+    """Write the results; other files of an earlier diagnosis are removed.
 
     robot: text of the robot file that was diagnosed.
     """
@@ -207,6 +206,6 @@ REASONS_SHOWN = 3
 
 
 def _to_be_read(run: Run, experiment: Experiment) -> bool:
-    """Whether a marks file is of another program: px, other names, other units."""
+    """Whether a marks file has the format of another program: px, other names, other units."""
     assert run.marks is not None
     return experiment.tracks is not None or (run.marks.is_file() and program_of(run.marks) != "turnscope")

@@ -11,7 +11,7 @@ from evaluator.errors import InputError
 from evaluator.files import write_text
 from simulator.robot import shipped_robots
 
-START_S = 0.5  # motors on in the time of the recording: frames at rest tell the start pose
+START_S = 0.5  # motors on in the time of the recording: frames at rest determine the start pose
 COMMANDS = "commands"  # folder of the command files, beside experiment.toml
 
 
@@ -32,9 +32,9 @@ class PlannedRun(Protocol):
 
 
 def planned_files(output: Path | str, runs: int) -> list[Path]:
-    """Paths of an experiment.toml and of the command files r01.csv and so on of its runs, that are to be written.
+    """Paths of an experiment.toml and of the command files r01.csv and so on of its runs.
 
-    Raises InputError where one is there already: asked before a plan is computed, it costs nobody a wait.
+    Raises InputError if one exists already, so that this is reported before a plan is computed.
     """
     output = Path(output)
     paths = [output, *(output.parent / COMMANDS / f"r{number:02d}.csv" for number in range(1, runs + 1))]
@@ -51,10 +51,10 @@ def write_planned(
     output: Path | str,
     starts_mm_deg: Sequence[tuple[float, float, float]] = (),
 ) -> list[Path]:
-    """Write an experiment.toml and a command file for each of its runs; gives the paths, that of the experiment first.
+    """Write an experiment.toml and a command file for each of its runs; return the paths, that of the experiment first.
 
-    robot: a shipped name, or a file. starts_mm_deg: where the robot's centre is to be put, x and y of the plate, and
-    its heading; of every run, or none. Raises InputError where one of the files is there already: none is written then.
+    robot: a shipped name, or a file. starts_mm_deg: start pose of every run, or none: x and y of the robot's centre on
+    the plate, and heading. Raises InputError if one of the files exists already; then none is written.
     """
     output, *logs = planned_files(output, len(runs))
     if robot not in shipped_robots():

@@ -43,8 +43,8 @@ def plan(
 ) -> Plan:
     """Plan the runs of an experiment and predict which effects they can detect.
 
-    rpm: speeds of the faster wheel; plate_mm: what the camera sees of the plate along its x and y.
-    Raises InputError for a plate on which the robot finds no room, and as load_robot does.
+    rpm: speeds of the faster wheel; plate_mm: visible part of the plate along its x and y.
+    Raises InputError for a plate that is too small for the robot, and as load_robot does.
     """
     from evaluator.diagnosis.candidates.coordinates import named_terms
     from evaluator.diagnosis.design.candidate_runs import Room

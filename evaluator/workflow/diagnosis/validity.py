@@ -29,7 +29,7 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str
     for job in jobs_of(experiment, outputs, simulate=True):
         try:
             runs.append([job.run.id, job.keys()["simulate"]])
-        except (OSError, InputError) as error:  # a recording that is not there: its run is left out until it is
+        except (OSError, InputError) as error:  # a missing recording: its run is excluded until it exists
             runs.append([job.run.id, str(error)])
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
@@ -37,9 +37,9 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str
 
 
 def own_effect_ids(path: Path, experiment: Experiment, named: Sequence[Path] = ()) -> tuple[str, ...]:
-    """Ids of the user's own effects: beside the experiment and its robots, of installed packages, and those named.
+    """Ids of user-defined effects: beside the experiment and its robots, of installed packages, and those named.
 
-    The process knows them from now on. Raises InputError, SimulationError for a file that is no effect.
+    They are registered in this process. Raises InputError, SimulationError for a file that is not an effect.
     """
     robots = {run.robot or experiment.robot for run in experiment.run}
     folders = {
@@ -66,7 +66,7 @@ class StoredDiagnosis:
 def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> StoredDiagnosis | None:
     """The stored diagnosis of an output folder; None without one.
 
-    A diagnosis.json without a record, from another program, counts as up to date: nothing is known against it.
+    A diagnosis.json without a record, from another program, counts as up to date.
     """
     if not outputs.diagnosis.is_file():
         return None
@@ -94,5 +94,5 @@ def keep(outputs: Outputs, key: str, files: list[Path]) -> None:
 
 
 def is_current(outputs: Outputs, key: str) -> bool:
-    """Whether the files of a diagnosis are there, untouched, and made from exactly these inputs."""
+    """Whether the files of a diagnosis exist unchanged and were made from exactly these inputs."""
     return Record.load(outputs.diagnosis_record).fresh(STAGE, key) is not None

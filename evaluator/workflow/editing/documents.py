@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tomlkit import TOMLDocument
 
 Load = Callable[[Path], Any]
-_WRITING = Lock()  # of this process: between reading a version and writing the next nobody else writes
+_WRITING = Lock()  # in this process, nobody else writes between reading a version and writing the next
 
 
 class ChangedMeanwhileError(InputError):
@@ -24,7 +24,7 @@ class ChangedMeanwhileError(InputError):
 
 
 def version_of(path: Path) -> str:
-    """The version of a file: a hash of its content; "" where there is no file."""
+    """The version of a file: a hash of its content; "" if there is no file."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()[:20]
     except FileNotFoundError:
@@ -39,7 +39,7 @@ def read_document(path: Path) -> tuple[TOMLDocument, str]:
     try:
         content = path.read_bytes()
         text = content.decode("utf-8")
-        tomllib.loads(text)  # its words for a fault are those of every other command
+        tomllib.loads(text)  # for the same error messages as in other commands
         return tomlkit.parse(text), hashlib.sha256(content).hexdigest()[:20]
     except FileNotFoundError as error:
         raise InputError(f"{path.name}: no such file") from error
@@ -48,16 +48,16 @@ def read_document(path: Path) -> tuple[TOMLDocument, str]:
 
 
 def change_document(path: Path, version: str, change: Callable[[TOMLDocument], None]) -> str:
-    """Change a TOML file whose version is known; gives its new version.
+    """Change a TOML file of a known version; return its new version.
 
-    Raises ChangedMeanwhileError where the file is another by now, and InputError where it cannot be read.
+    Raises ChangedMeanwhileError if the file has changed, and InputError if it cannot be read.
     """
     import tomlkit
 
     with _WRITING:
         _, current = read_document(path)
         _refuse_other(path, version, current)
-        # Comments at the end of the file belong to none of its tables, and must not go with the last of them.
+        # Comments at the end of the file belong to no table, and must be kept if the last table is removed.
         text, ending = _without_ending(path.read_text(encoding="utf-8"))
         document = tomlkit.parse(text)
         change(document)
@@ -66,7 +66,7 @@ def change_document(path: Path, version: str, change: Callable[[TOMLDocument], N
 
 
 def replace_text(path: Path, version: str, text: str) -> str:
-    """Write the whole of a text file whose version is known ("" for a new one); gives its new version."""
+    """Replace a text file of a known version ("" for a new one); return its new version."""
     with _WRITING:
         _refuse_other(path, version, version_of(path))
         write_text(path, text)
@@ -74,7 +74,7 @@ def replace_text(path: Path, version: str, text: str) -> str:
 
 
 def _without_ending(text: str) -> tuple[str, str]:
-    """A file's text, and the blank lines and comments it ends with."""
+    """The text of a file, and the blank lines and comments at its end."""
     lines = text.splitlines(keepends=True)
     count = len(lines)
     while count and (not lines[count - 1].strip() or lines[count - 1].lstrip().startswith("#")):

@@ -29,7 +29,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class ExperimentTable:
-    """An experiment.toml as it is written: what stands above the runs, a row per run, and all faults."""
+    """The content of an experiment.toml: the entries above the runs, a row per run, and all faults."""
 
     version: str
     head: dict[str, Any]
@@ -39,7 +39,7 @@ class ExperimentTable:
 
 @dataclass(frozen=True)
 class Edit:
-    """One change: "set" a key of a row (None removes it), "add" a row (after row, at the end without), "remove" a row.
+    """One change: "set" a key of a row (None removes it), "add" a row (after row, by default last), "remove" a row.
 
     A row of None means the head of the file.
     """
@@ -52,7 +52,7 @@ class Edit:
 
 
 def read_experiment(path: Path) -> ExperimentTable:
-    """The table of an experiment.toml, also of one that is not valid. Raises InputError where it is not TOML."""
+    """The table of an experiment.toml, which may be invalid. Raises InputError if it is not TOML."""
     document, version = read_document(path)
     content: dict[str, Any] = document.unwrap()
     runs = content.get("run", [])
@@ -62,10 +62,10 @@ def read_experiment(path: Path) -> ExperimentTable:
 
 
 def edit_experiment(path: Path, version: str, edits: Sequence[Edit]) -> ExperimentTable:
-    """Make changes to an experiment.toml of a known version; comments and order stay.
+    """Change an experiment.toml of a known version; comments and order are kept.
 
-    Faults of the result are told, not refused: a table is filled in cell by cell, and the command line says the same
-    faults of it. Raises ChangedMeanwhileError, InputError for a row or key that there cannot be.
+    Faults of the result are reported but do not prevent the change, because a table is filled in cell by cell. Raises
+    ChangedMeanwhileError, InputError for a row or key that cannot exist.
     """
     for edit in edits:
         _check(edit)
@@ -121,7 +121,7 @@ def _set(table: Any, key: str, value: Value) -> None:
 
 
 def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
-    """Faults of the model, each at its cell, and named files that are not there."""
+    """Validation errors, each with its cell, and named files that do not exist."""
     try:
         Experiment.model_validate(content)
         found: list[Fault] = []
@@ -147,12 +147,12 @@ def _faults(path: Path, content: Mapping[str, Any]) -> list[Fault]:
 
 
 def _missing_robot(folder: Path, robot: object) -> bool:
-    """Whether a robot is a file by its name, and not there; a name without ending is that of a shipped robot."""
+    """Whether a robot is a file that does not exist; a name without suffix is that of a shipped robot."""
     return isinstance(robot, str) and robot.endswith(".toml") and not (folder / robot).exists()
 
 
 def _fault(item: Any) -> Fault:
-    """A fault of the model at its cell; what concerns a whole row stands at its id."""
+    """A validation error with its cell; errors of a whole row are reported at its id."""
     place = item["loc"]
     row = place[1] if len(place) > 1 and place[0] == "run" else None
     key = str(place[2]) if row is not None and len(place) > 2 else str(place[0]) if place and row is None else ""
@@ -167,9 +167,9 @@ def _are_tables(runs: Any) -> bool:
 
 
 def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> None:
-    """Put a name and a row per recording into a fresh experiment.toml; commands are for people to fill in.
+    """Write a name and a row per recording into a new experiment.toml; the user fills in the commands.
 
-    What the template says of the keys of a run stays, as comments.
+    The explanations of the template about the keys of a run are kept as comments.
     """
     import tomlkit
 
@@ -196,7 +196,7 @@ def new_table(path: Path, name: str, robot: str, recordings: Sequence[str]) -> N
 
 
 def run_id(recording: str, taken: Sequence[str]) -> str:
-    """An id for the run of a recording: its name, without what ids cannot hold."""
+    """An id for the run of a recording: its name without characters that are invalid in ids."""
     stem = "".join(
         letter if letter.isascii() and (letter.isalnum() or letter in "._-") else "-" for letter in Path(recording).stem
     )

@@ -29,7 +29,7 @@ LEFT_OUT = "is left out: it cannot be corrected in its files"
 
 @dataclass(frozen=True)
 class Mended:
-    """The file that was written, and its changes, one sentence for each run."""
+    """The corrected file, and its changes, one sentence for each run."""
 
     path: Path
     changes: tuple[str, ...]
@@ -38,9 +38,9 @@ class Mended:
 def write_mended(path: Path, out: Path | None = None) -> Mended | None:
     """Write NAME-mended.toml beside an experiment.toml, with all mistakes in its runs corrected; None without any.
 
-    Runs that nothing in their files can put right (held, pushed, unlike the robot) are left out. Marks that were read
-    wrongly are written anew, NAME-mended-RUN.csv; comments of the experiment stay. out: folder in which an analysis
-    left the marks of videos. Raises InputError where such a file is there already or no run would be left.
+    Runs that cannot be corrected in their files (held, pushed, unlike the robot) are excluded. Corrected marks are
+    written to NAME-mended-RUN.csv; comments of the experiment are kept. out: folder of an analysis with the marks of
+    videos. Raises InputError if such a file exists already or no run would be left.
     """
     experiment = read_with(load_experiment, path)
     tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
@@ -78,7 +78,7 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
 
 
 def _of_marks(correction: Correction) -> bool:
-    """Whether a correction changes the marks, not what was commanded."""
+    """Whether a correction changes the marks, not the command."""
     changed = correction.marks_exchanged or correction.marks_times != (1.0, 1.0)
     return changed or correction.seconds_times != 1.0
 
@@ -91,7 +91,7 @@ def _apply(
     table: pd.DataFrame | None,
     pair: tuple[str, ...],
 ) -> list[str]:
-    """Put a run right in its row of the file; files takes what is to be written beside. Gives what was changed."""
+    """Correct a run in its row of the file, and add corrected marks to files; return descriptions of the changes."""
     said = []
     if correction.command is not None:
         row["left_rpm"], row["right_rpm"] = correction.command
@@ -115,7 +115,7 @@ def _apply(
 
 
 def _words(correction: Correction) -> str:
-    """What was done to the marks of a run."""
+    """Description of the correction of the marks of a run."""
     if correction.marks_exchanged:
         return "its two marks exchanged"
     if correction.seconds_times != 1.0:
@@ -126,7 +126,7 @@ def _words(correction: Correction) -> str:
 
 
 def mended_marks(table: pd.DataFrame, correction: Correction, pair: tuple[str, ...]) -> pd.DataFrame:
-    """A table of marks with a correction made; pair: names of the two marks that tell the pose."""
+    """A corrected table of marks; pair: names of the two marks that determine the pose."""
     changed = table.assign(time_s=table["time_s"] * correction.seconds_times)
     factors: Mapping[str, float] = dict(zip("xy", correction.marks_times, strict=True))
     for name in changed.columns:

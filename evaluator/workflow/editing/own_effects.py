@@ -22,12 +22,12 @@ from simulator.own_effects.files import FOLDER, faults_of_content, is_built_in
 from simulator.own_effects.template import TermRow, template
 
 KEYS = tuple(field.name for field in fields(TermRow) if field.name != "value")  # of a term that a form sets
-OF_COEFFICIENT = ("unit", "low", "high", "step")  # said once, with the first term that has the coefficient
+OF_COEFFICIENT = ("unit", "low", "high", "step")  # stated once, with the first term of the coefficient
 
 
 @dataclass(frozen=True)
 class OwnEffect:
-    """An effect's file: version ("" where it is not written yet), id, name, sentence, terms, and what is wrong."""
+    """The file of an effect: version ("" if it is not written yet), id, name, sentence, terms, and its fault."""
 
     version: str
     id: str
@@ -38,7 +38,7 @@ class OwnEffect:
 
 
 def own_effects_folder(experiment: Path) -> Path:
-    """Where effects of the user's own lie beside an experiment, there or not."""
+    """Folder of user-defined effects beside an experiment, which need not exist."""
     return experiment.resolve().parent / FOLDER
 
 
@@ -62,9 +62,9 @@ def offered_effect(file: Path) -> OwnEffect | None:
 
 
 def write_own_effect(experiment: Path, effect: OwnEffect) -> Path:
-    """Write effects/ID.toml beside an experiment; what a form does not know of a file that is there stays in it.
+    """Write effects/ID.toml beside an experiment; keys of an existing file that a form does not show are kept.
 
-    Raises ChangedMeanwhileError where the file is of another version, InputError for an effect that cannot be.
+    Raises ChangedMeanwhileError if the file has another version, InputError for an invalid effect.
     """
     terms = [{key: term[key] for key in KEYS if term.get(key) is not None} for term in effect.terms]
     sentence = effect.sentence or effect.name
@@ -86,7 +86,7 @@ def write_own_effect(experiment: Path, effect: OwnEffect) -> Path:
 
 
 def _change(document: Any, content: Mapping[str, Any]) -> None:
-    """Make a file say what a form says; its comments, and keys that the form does not know, stay."""
+    """Change a file to the values of a form; comments and keys that the form does not show are kept."""
     import tomlkit
 
     document["name"], document["sentence"] = content["name"], content["sentence"]
@@ -102,7 +102,7 @@ def _change(document: Any, content: Mapping[str, Any]) -> None:
 
 
 def remove_own_effect(experiment: Path, effect_id: str, version: str) -> None:
-    """Remove effects/ID.toml of a known version. Raises ChangedMeanwhileError, InputError where it is not there."""
+    """Remove effects/ID.toml of a known version. Raises ChangedMeanwhileError, InputError if it does not exist."""
     path = next((one for one in own_effects_folder(experiment).glob("*.toml") if one.stem == effect_id), None)
     if path is None:
         raise InputError(f"there is no effect {effect_id} beside the experiment")
@@ -113,7 +113,7 @@ def remove_own_effect(experiment: Path, effect_id: str, version: str) -> None:
 def term_grammar() -> dict[str, Any]:
     """Components of terms: channels, with their bases, units, bounds and steps; patterns over the wheels.
 
-    Bounds and steps are those of a robot of the paper's size, as the search for forms without a name has them.
+    Bounds and steps are those of free-form terms for a robot of the paper's size.
     """
     channels = [
         {
@@ -149,6 +149,6 @@ def _read(path: Path) -> OwnEffect:
 
 
 def _filled(row: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
-    """A term with everything a form shows; what terms that share a coefficient share stands with the first of them."""
+    """A term with all fields of a form; fields of a shared coefficient are those of its first term."""
     usual = {"pattern": "common", "unit": ""}
     return {key: (first if key in OF_COEFFICIENT else row).get(key, usual.get(key)) for key in KEYS}

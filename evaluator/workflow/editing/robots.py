@@ -23,7 +23,7 @@ OWN = "robot.toml"
 
 @dataclass(frozen=True)
 class RobotFile:
-    """The robot file of an experiment, its version, and whether the experiment names it yet (a shipped robot: not)."""
+    """The robot file of an experiment, its version, and whether the experiment names it, not a shipped robot."""
 
     path: Path
     version: str
@@ -31,7 +31,7 @@ class RobotFile:
 
 
 def robot_file(experiment: Path) -> RobotFile:
-    """The file that holds, or would hold, the robot of an experiment. Raises InputError."""
+    """The file of the robot of an experiment, which need not exist. Raises InputError."""
     name = read_unfinished(experiment).robot
     if name.endswith(".toml"):
         return RobotFile(Path(name), version_of(Path(name)), named=True)
@@ -42,9 +42,9 @@ def robot_file(experiment: Path) -> RobotFile:
 
 
 def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
-    """Write the robot of an experiment, which names the file from then on.
+    """Write the robot of an experiment, and name the file in the experiment.
 
-    version: of the robot file that the text was made from, "" where there is none. Raises ChangedMeanwhileError.
+    version: of the robot file on which the text is based, "" if there is none. Raises ChangedMeanwhileError.
     """
     there = robot_file(experiment)
     beside = own_effects_for(there.path, text)
@@ -62,10 +62,10 @@ def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
 
 
 def own_effects_for(robot: Path, text: str) -> dict[Path, str]:
-    """Files of the user's own effects in a robot's text that are still to be written beside its file, with contents.
+    """Missing files beside a robot's file for the user-defined effects in its text, with their contents.
 
-    A robot is used by commands that know no experiment, so what it names has to be where it is. Raises InputError
-    where another effect of the same id is there already.
+    Other commands use a robot without an experiment, so its effects must be beside its file. Raises InputError if
+    another effect of the same id exists there already.
     """
     found: dict[Path, str] = {}
     for effect in tomllib.loads(text).get("effect", []):
@@ -85,9 +85,9 @@ def own_effects_for(robot: Path, text: str) -> dict[Path, str]:
 
 
 def with_effects(experiment: Path, effects: Mapping[str, Mapping[str, Any]]) -> str:
-    """The text of an experiment's robot with effects, in place of those of the same id; comments stay.
+    """The text of an experiment's robot with effects, which replace those of the same id; comments are kept.
 
-    Raises InputError for effects that cannot be.
+    Raises InputError for invalid effects.
     """
     import tomlkit
 

@@ -12,7 +12,7 @@ from evaluator.files import read_with
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """What it takes to look at the recording of a run; what is missing or no path is None. Paths are absolute.
+    """Properties needed to show the recording of a run; missing or invalid ones are None. Paths are absolute.
 
     robot: the name of a shipped one, or an absolute path.
     """
@@ -27,7 +27,7 @@ class UnfinishedRun:
 
 @dataclass(frozen=True)
 class Unfinished:
-    """What is known of an experiment as a whole; a run is left out whose id could not name a file."""
+    """Properties of an experiment; runs with an id that cannot be a file name are omitted."""
 
     name: str
     robot: str
@@ -36,12 +36,12 @@ class Unfinished:
 
 
 def read_unfinished(experiment: Path) -> Unfinished:
-    """An experiment.toml that need not be valid. Raises InputError where it is not TOML or names no robot."""
+    """Read an experiment.toml that need not be valid. Raises InputError if it is not TOML or names no robot."""
     return read_with(_load, experiment)
 
 
 def run_of(experiment: Path, run_id: str) -> UnfinishedRun:
-    """A run of an experiment.toml that need not be valid. Raises InputError where there is none of that id."""
+    """A run of an experiment.toml that need not be valid. Raises InputError if there is none of that id."""
     found = next((run for run in read_unfinished(experiment).runs if run.id == run_id), None)
     if found is None:
         raise InputError(f"there is no run {run_id} in this experiment")

@@ -19,12 +19,12 @@ from evaluator.workflow.editing.unfinished import read_unfinished
 from simulator.robot import Robot, load_robot, shipped_robot_text
 
 Place = Sequence[str | int]
-ELSEWHERE = ("format", "effect")  # no choice of a person; effects have sliders in the sandbox
+ELSEWHERE = ("format", "effect")  # not chosen by the user; effects have sliders in the sandbox
 
 
 @dataclass(frozen=True)
 class Values:
-    """All values of a file. each: keys and numbers of entries that lead to a value, and the value itself."""
+    """All values of a file. each: keys and indices of the path to a value, and the value."""
 
     path: Path
     version: str
@@ -37,9 +37,9 @@ def gauge_values(path: Path) -> Values:
 
 
 def set_gauge_value(path: Path, version: str, place: Place, value: object) -> Values:
-    """Change a value of a gauge.toml, or take it or its table away (None).
+    """Change a value of a gauge.toml, or remove it or its table (None).
 
-    Raises ChangedMeanwhileError, and InputError for what no gauge can be.
+    Raises ChangedMeanwhileError, and InputError for an invalid gauge.
     """
     from calibration.gauge.geometry import Gauge, load_gauge
 
@@ -56,10 +56,10 @@ def robot_values(experiment: Path) -> Values:
 
 
 def set_robot_value(experiment: Path, version: str, place: Place, value: object) -> Values:
-    """Change a value of the robot of an experiment, or take it or its table away (None).
+    """Change a value of the robot of an experiment, or remove it or its table (None).
 
-    An experiment that names a shipped robot gets a file of its own. Raises ChangedMeanwhileError, and InputError for
-    what no robot can be.
+    If the experiment names a shipped robot, it is copied to a file. Raises ChangedMeanwhileError, and InputError for
+    an invalid robot.
     """
     text = _with_value(_robot_text(experiment), place, value)
     if "slip" in tomllib.loads(text):
@@ -112,7 +112,7 @@ def _with_value(text: str, place: Place, value: object) -> str:
         if value is None:
             del table[last]
         else:
-            # A whole number stays one only where the file has one: 2.0 mm may become 2.5, 17 dots never 17.5.
+            # A whole number stays an integer only if the file has one: 2.0 mm may become 2.5, 17 dots never 17.5.
             table[last] = float(value) if isinstance(table[last], float) and isinstance(value, int) else value
     except (LookupError, TypeError) as error:
         raise InputError("this value is no longer in the file; see the newer version") from error

@@ -25,13 +25,13 @@ def answers_of(
     dask: str | None = None,
     waiting: Waiting = nothing,
 ) -> Iterator[Iterator[tuple[int, Answer]]]:
-    """Give an iterator of number and answer of every job, in the order of completion.
+    """Context of an iterator over number and answer of every job, in the order of completion.
 
-    work: a function of a module (it travels to other processes); each job is done on one core, and what it raises
-    is raised here. when_killed: the answer for a job whose process dies every time. workers: processes, by default one
-    per core, and with one the work is done in this process; dask: address of a Dask scheduler whose workers work
-    instead. waiting: called every quarter of a second while no answer is ready. Leaving the block early, by an error
-    or by Cancelled, interrupts the jobs that are under way.
+    work: a function of a module, so that it can be pickled; each job runs on one core, and its exceptions are raised
+    here. when_killed: answer for a job whose process dies every time. workers: processes, by default one per core; a
+    single one works in this process; dask: address of a Dask scheduler whose workers are used instead. waiting: called
+    every quarter of a second while no answer is ready. Leaving the block early, by an error or by Cancelled,
+    interrupts running jobs.
     """
     if dask is not None:
         answers = on_cluster(work, jobs, address=dask, when_killed=when_killed, waiting=waiting)

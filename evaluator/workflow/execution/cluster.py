@@ -1,4 +1,4 @@
-"""Work on a Dask cluster."""
+"""Parallel execution on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 DASK_TIMEOUT_S = 20.0
-# A worker that dies takes its jobs down; each is tried again so often before the job itself is held to be at fault.
+# Number of retries of a job after its worker died, before the job is considered the cause.
 DASK_RETRIES = 5
 
 
@@ -31,8 +31,8 @@ def on_cluster(
 ) -> Generator[tuple[int, Answer]]:
     """Yield number and answer of every job, done by the workers of a Dask cluster, in the order of completion.
 
-    A worker that dies loses nothing: its jobs go to the others; when_killed(job) is the answer for a job that takes
-    every worker down. Raises InputError where no scheduler answers.
+    The jobs of a worker that dies are done by the others; when_killed(job) is the answer for a job with which every
+    worker dies. Raises InputError if no scheduler answers.
     """
     if not jobs:
         return
@@ -55,7 +55,7 @@ def on_cluster(
 
 @contextmanager
 def _client(address: str) -> Iterator[Client]:
-    """Give a connection to the scheduler at an address, once it has workers."""
+    """Context of a connection to the scheduler at an address, once it has workers."""
     try:
         from distributed import Client
     except ImportError as error:

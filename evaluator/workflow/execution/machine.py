@@ -1,4 +1,4 @@
-"""What depends on the operating system: how many cores there are, and how worker processes start and end."""
+"""Dependences on the operating system: number of cores, and start and end of worker processes."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def available_cores() -> int:
 class _WithoutScript:
     """A process that does not run the script of its parent.
 
-    What turnscope hands to its processes stands in its packages. To run the script too, as is usual, costs its imports
-    in each of them, and one without `if __name__ == "__main__"` would begin all of its work anew in every process.
+    All functions for processes are in turnscope's packages. Python normally runs the script as well, which repeats its
+    imports in each process, and all of its work if it has no `if __name__ == "__main__"`.
     """
 
     def start(self) -> None:
-        """Start it while the script cannot be seen."""
+        """Start the process while the script is hidden."""
         with _hiding:
             script = sys.modules["__main__"]
             sys.modules["__main__"] = ModuleType("__main__")
@@ -54,7 +54,7 @@ class _Spawned(_WithoutScript, SpawnProcess):
 
 
 class Spawning(SpawnContext):
-    """How processes start where there is no fork server."""
+    """Start method of processes on systems without a fork server."""
 
     Process = _Spawned
 
@@ -67,8 +67,8 @@ if sys.platform == "linux":
     class _Forking(multiprocessing.context.ForkServerContext):
         Process = _Forked
 
-    # A fork server imports the libraries once, for all processes that this one starts: to import them takes longer than
-    # most of what is asked of a process. It is free of the threads that make plain forks unsafe.
+    # A fork server imports the libraries once for all processes, because this takes longer than most jobs. It has no
+    # threads, which make plain forks unsafe.
     PROCESSES = _Forking()
     PROCESSES.set_forkserver_preload(["evaluator.workflow.runs.stages"])
 else:
@@ -77,29 +77,29 @@ else:
 
 @contextmanager
 def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of worker processes; jobs that still run when the block ends are interrupted.
+    """Context of a pool of worker processes; jobs that still run at its end are interrupted.
 
-    Give it work through `interruptible`. Workers end with this process, even where it is killed outright.
+    Submit work through `interruptible`. Workers end with this process, even if it is killed.
     """
     ended, end = PROCESSES.Pipe(duplex=False)
     pool = ProcessPoolExecutor(workers, mp_context=PROCESSES, initializer=_begin, initargs=(ended,))
     try:
         yield pool
     finally:
-        end.close()  # every worker sees the end of its pipe
+        end.close()  # every worker detects the end of its pipe
         pool.shutdown(wait=True, cancel_futures=True)
         ended.close()
 
 
 class _Worker:
-    """Whether this worker process has a job, and whether its pool wants it to end."""
+    """Whether this worker process has a job, and whether its pool has ended."""
 
     busy = False
     ending = False
 
 
 def interruptible(work: Callable[[Job], Answer], job: Job) -> Answer:
-    """Do a job in a worker process; raises Cancelled as soon as the pool ends, so that files are left whole."""
+    """Do a job in a worker process; raises Cancelled when the pool ends, so that no incomplete files are left."""
     _Worker.busy = True
     try:
         if _Worker.ending:
@@ -110,7 +110,7 @@ def interruptible(work: Callable[[Job], Answer], job: Job) -> Answer:
 
 
 def _begin(ended: Connection) -> None:
-    """Prepare a worker process: an interrupt from the terminal is for the parent, which ends the pool in its turn."""
+    """Prepare a worker process: an interrupt from the terminal is handled by the parent, which ends the pool."""
     signal.signal(signal.SIGINT, _interrupted)
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -118,7 +118,7 @@ def _begin(ended: Connection) -> None:
 
 
 def _watch(ended: Connection, parent: int) -> None:
-    """Wait in a thread: interrupt the job when the pool ends, and exit when the parent is gone."""
+    """Wait in a thread: interrupt the job when the pool ends, and exit when the parent has ended."""
     if parent not in multiprocessing.connection.wait([parent, ended]):
         _Worker.ending = True
         _interrupt_main()
@@ -127,7 +127,7 @@ def _watch(ended: Connection, parent: int) -> None:
 
 
 def _interrupt_main() -> None:
-    """Call `_interrupted` in the main thread, also where it waits in a call of the system (not so on Windows)."""
+    """Call `_interrupted` in the main thread, even during a system call (except on Windows)."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
     else:

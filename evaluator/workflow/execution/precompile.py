@@ -18,9 +18,9 @@ FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
 
 def precompile(video: Path) -> None:
-    """Start processes that compile what an analysis needs, unless it is on disk; they end with this one at the latest.
+    """Start processes that compile kernels for an analysis that are not on disk; they end with this one at the latest.
 
-    video: a recording that the tracker is tried on. Whoever needs a kernel of the simulator earlier waits for it.
+    video: a recording for a trial of the tracker. If a kernel of the simulator is needed earlier, its caller waits.
     """
     from calibration.compilation import is_cached
     from simulator.integrator.batch import integrate_some
@@ -32,14 +32,14 @@ def precompile(video: Path) -> None:
 
 
 def precompile_tracker() -> None:
-    """Start a process that compiles what the tracker needs later, unless it is on disk.
+    """Start a process that compiles later kernels of the tracker that are not on disk.
 
-    The fit of a mark takes about half of the time. Whoever tracks compiles it meanwhile.
+    The fit of a mark takes about half of the time; the calling process compiles it at the same time.
     """
     from calibration.compilation import is_cached
     from evaluator.tracking.uncertainty import rim
 
-    if not is_cached(rim._rim_power):  # noqa: SLF001 - the last one that it calls
+    if not is_cached(rim._rim_power):  # noqa: SLF001 - the last kernel that is called
         Thread(target=_start, args=(measure_mark,), daemon=True).start()
 
 
@@ -49,7 +49,7 @@ def _start(*works: Callable[[], None]) -> None:
 
 
 def _quietly(work: Callable[[], None]) -> None:
-    """Work and say nothing: what goes wrong here shows, with its place, where it is needed."""
+    """Work and ignore errors: they occur again, with their location, when a kernel is needed."""
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
@@ -57,7 +57,7 @@ def _quietly(work: Callable[[], None]) -> None:
 
 
 def measure_mark() -> None:
-    """Call what the tracker calls after it has fitted a mark, in a blank frame of eight bits."""
+    """Call the kernels that follow the fit of a mark, with a blank frame of eight bits."""
     import numpy as np
 
     from evaluator.tracking.detection.color_kernels import color_window

@@ -23,10 +23,10 @@ def in_processes(
     when_killed: Callable[[Job], Answer],
     waiting: Waiting,
 ) -> Generator[tuple[int, Answer]]:
-    """Yield number and answer of every job, in the order of completion; one worker works in this process.
+    """Yield number and answer of every job, in the order of completion; a single worker works in this process.
 
-    A worker process that dies (killed, out of memory) takes the jobs of its pool with it: these are tried once more,
-    each in a process of its own, so that only the guilty one is lost, for which when_killed(job) is the answer.
+    If a worker process dies (killed, out of memory), all jobs of its pool fail: these are repeated in a separate
+    process each, so that only the job that is the cause is lost; its answer is when_killed(job).
     """
     if workers == 1 or len(jobs) <= 1:
         for number, job in enumerate(jobs):
@@ -40,7 +40,7 @@ def in_processes(
         for number, job in enumerate(jobs):
             try:
                 futures[pool.submit(doing, job)] = number
-            except BrokenProcessPool:  # already, while the later jobs were still being handed out
+            except BrokenProcessPool:  # while later jobs were still being submitted
                 orphans.append(number)
         for future in as_completed(list(futures), waiting):
             number = futures.pop(future)

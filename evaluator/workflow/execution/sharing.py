@@ -11,7 +11,7 @@ Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 Waiting = Callable[[], None]
 
-PULSE_S = 0.25  # people feel a cancel button that takes longer
+PULSE_S = 0.25  # longer delays of a cancel button are noticeable
 
 
 def nothing() -> None:
@@ -20,7 +20,7 @@ def nothing() -> None:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Limit libraries to one thread: processes share the cores, and the order of summation is fixed."""
+    """Limit libraries to one thread, because processes share the cores, and to fix the order of summation."""
     import cv2
     import numba
     from threadpoolctl import threadpool_limits
@@ -43,9 +43,9 @@ def on_one_core(work: Callable[[Job], Answer], job: Job) -> Answer:
 
 
 def as_completed(futures: Sequence[Any], waiting: Waiting) -> Iterator[Any]:
-    """Futures (of concurrent.futures or Dask) in the order in which they are done.
+    """Futures (of concurrent.futures or Dask) in the order of completion.
 
-    waiting: called every quarter of a second in between; it may raise to give up.
+    waiting: called every quarter of a second in between; it may raise to stop.
     """
     done: SimpleQueue[Any] = SimpleQueue()
     for future in futures:

@@ -17,11 +17,11 @@ Answer = Callable[..., Any]
 
 @dataclass
 class Child:
-    """A process that is started when it is first asked, and anew after it ended.
+    """A process that is started by the first request, and again after it ended.
 
-    maker: a function of a module; the process calls it with arguments, and what it gives answers every question.
-    answer_s: the longest wait for an answer. slow, died: what is said where it takes longer, or ends meanwhile.
-    idle_s: without a question for so long it ends; None: never.
+    maker: a function of a module that is called in the process with arguments and returns the function that answers
+    requests. answer_s: timeout of an answer. slow, died: messages if an answer takes longer, or if the process dies.
+    idle_s: time without requests after which the process ends; None: never.
     """
 
     maker: Callable[..., Answer]
@@ -63,7 +63,7 @@ class Child:
 
     @property
     def process_id(self) -> int | None:
-        """Of the running process."""
+        """Id of the running process."""
         return None if self._process is None else self._process.pid
 
     def _running(self) -> Connection:
@@ -85,10 +85,10 @@ class Child:
 
 
 def _serve(pipe: Connection, idle_s: float | None, maker: Callable[..., Answer], arguments: tuple[Any, ...]) -> None:
-    """Answer questions until the other end is closed or nothing is asked any more."""
+    """Answer requests until the other end is closed or the process is idle."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for the studio
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the studio handles an interrupt from the terminal
     answers = maker(*arguments)
     while pipe.poll(idle_s):
         try:
@@ -99,6 +99,6 @@ def _serve(pipe: Connection, idle_s: float | None, maker: Callable[..., Answer],
             answer = True, answers(*question)
         except (InputError, CalibrationError) as error:
             answer = False, str(error)
-        except Exception as error:  # noqa: BLE001 - any fault of media is told, and the next question is answered
+        except Exception as error:  # noqa: BLE001 - any fault of media is reported, and further requests are answered
             answer = False, f"decoding failed ({type(error).__name__}: {error})"
         pipe.send(answer)

@@ -12,14 +12,14 @@ from typing import Any
 from evaluator.errors import InputError
 from evaluator.workflow.frames.child import Child
 
-ANSWER_S = 60.0  # the longest wait: a recording that is decoded from its beginning, to its end
-OPEN_FILES = 3  # of one process: the recording that is looked at, the one before, another tab's
-QUALITY = 88  # of JPEG: nothing to see at 100 %, a tenth of the bytes
+ANSWER_S = 60.0  # timeout, sufficient to decode a whole recording
+OPEN_FILES = 3  # of one process: the recording that is shown, the one before, and that of another tab
+QUALITY = 88  # of JPEG: no visible difference from 100 %, a tenth of the bytes
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Frames of a recording: first and how many, no wider than most_px; near: the key frame before it instead."""
+    """Frames of a recording: first and number, no wider than most_px; near: the preceding key frame instead."""
 
     path: Path
     first: int
@@ -33,7 +33,7 @@ class Decoder:
     """Frames from a child process that is started by the first request, and again after it ended."""
 
     def __init__(self) -> None:
-        """Start nothing yet."""
+        """No process is started yet."""
         self._child = Child(
             _answers,
             (),
@@ -47,7 +47,7 @@ class Decoder:
         self._child.start()
 
     def prepare(self) -> None:
-        """Load what finds dots, so that the first image of a gauge does not wait for it. Raises InputError."""
+        """Load the detection of dots, so that it does not delay the first image of a gauge. Raises InputError."""
         self._child.ask("prepare")
 
     def contents(self, path: Path, rate_hz: float | None = None) -> dict[str, Any]:
@@ -81,13 +81,13 @@ class Decoder:
 
     @property
     def process_id(self) -> int | None:
-        """Of the running process."""
+        """Id of the running process."""
         return self._child.process_id
 
 
 def _answers() -> Callable[..., Any]:
-    """What answers the questions, in the process."""
-    import evaluator.recording.seek  # noqa: F401 - so that the first frame does not wait for it
+    """The function that answers requests, in the process."""
+    import evaluator.recording.seek  # noqa: F401 - so that it does not delay the first frame
 
     return partial(_answer, OrderedDict())
 
@@ -131,7 +131,7 @@ def _prepare() -> None:
 
 
 def _frames_of(opened: OrderedDict[tuple[Any, ...], Any], path: Path, rate_hz: float | None) -> Any:
-    """The frames of a recording, opened anew where the file is another by now."""
+    """The frames of a recording, opened again if the file has changed."""
     from evaluator.recording.seek import Frames
 
     try:
@@ -148,7 +148,7 @@ def _frames_of(opened: OrderedDict[tuple[Any, ...], Any], path: Path, rate_hz: f
 
 
 def jpeg(image: Any, most_px: int) -> bytes:
-    """An image (h, w, 3) BGR as JPEG, no wider than most_px where that is not 0."""
+    """An image (h, w, 3) BGR as JPEG, no wider than most_px; 0: no limit."""
     import cv2
 
     height, width = image.shape[:2]

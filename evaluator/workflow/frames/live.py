@@ -15,9 +15,9 @@ from evaluator.errors import InputError
 from evaluator.workflow.frames.child import Child
 
 ANSWER_S = 60.0  # cameras take seconds to open, and on a busy machine their process took 18 s to start
-SOON_S = 1.0  # finding the dots takes a tenth of that; where it takes longer the preview goes on without them
+SOON_S = 1.0  # timeout of the detection of dots, which usually takes a tenth; the preview continues without them
 FIRST_FRAME_S = 10.0
-IDLE_S = 10.0  # nobody looks any more: the camera is let go for other programs
+IDLE_S = 10.0  # time without requests after which the camera is released for other programs
 MOST_PX = 1280  # of the preview
 NOTHING: dict[str, Any] = {
     "centers_px": [],
@@ -29,7 +29,7 @@ NOTHING: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class LiveSource:
-    """name: number or device of a camera, or a file as if it were one; size ("640x480"), rate, pixels: asked of it."""
+    """name: number or device of a camera, or a file in place of one; size ("640x480"), rate, pixels: requested mode."""
 
     name: str
     size: str | None = None
@@ -38,7 +38,7 @@ class LiveSource:
 
 
 def cameras_here() -> list[dict[str, str]]:
-    """Cameras of this computer as far as its system lists them: name for `LiveSource`, and words for people."""
+    """Cameras that the operating system lists: name for `LiveSource`, and a readable name."""
     if not sys.platform.startswith("linux"):
         return [{"name": str(number), "words": f"camera {number}"} for number in range(3)]
     found = []
@@ -55,15 +55,15 @@ class LiveCamera:
     """One camera at a time; it is released after a while without requests, and opened again by the next."""
 
     def __init__(self) -> None:
-        """Open nothing yet."""
+        """No camera is opened yet."""
         self._lock = threading.Lock()
         self._source: LiveSource | None = None
         self._child: Child | None = None
 
     def look(self, source: LiveSource) -> tuple[bytes, dict[str, Any]]:
-        """What a camera shows now, as JPEG, and the gauge found in it, as `gauge_in` tells it. Raises InputError.
+        """The current frame of a camera as JPEG, and the gauge found in it, as from `gauge_in`. Raises InputError.
 
-        late: the frame is shown without its dots, as finding them takes longer than a preview may wait.
+        late: the frame has no dots, because their detection takes longer than SOON_S.
         """
         with self._lock:
             child = self._of(source)
@@ -94,7 +94,7 @@ class LiveCamera:
 
 
 def _answers(source: LiveSource) -> Callable[..., Any]:
-    """What answers the questions, in the process."""
+    """The function that answers requests, in the process."""
     return _Bench(source).answer
 
 
@@ -139,7 +139,7 @@ class _Bench:
         return jpeg(image, MOST_PX), {**found, "size_px": [image.shape[1], image.shape[0]], "late": late}
 
     def _newest(self) -> Any:
-        """A frame that was not shown yet; the last one where no more come."""
+        """A frame that was not shown yet; the last one if there are no more."""
         with self._new:
             self._new.wait_for(lambda: self._ended or self._latest is not self._shown, FIRST_FRAME_S)
             if self._latest is None:
@@ -155,7 +155,7 @@ class _Bench:
         self._thread.start()
 
     def _follow(self, camera: Any) -> None:
-        """Keep the latest frame. A file comes at the pace of its times, as a camera would give it."""
+        """Keep the latest frame. A file is read in real time, like a camera."""
         from evaluator.recording.layout import Layout
 
         layout, began, paced = None, None, Path(self._source.name).is_file()

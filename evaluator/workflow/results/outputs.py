@@ -54,12 +54,12 @@ class Outputs:
 
     @property
     def own_effect(self) -> Path:
-        """The free-form term that explains the runs, as a file of a user-defined effect."""
+        """The free-form term that explains the runs, as the file of a user-defined effect."""
         return self.folder / "own_effect.toml"
 
     @property
     def effects(self) -> Path:
-        """The user's own effects that robot_with_effect.toml has."""
+        """User-defined effects of robot_with_effect.toml."""
         return self.folder / "effects"
 
     @property

@@ -26,8 +26,8 @@ def write_provenance(
 ) -> None:
     """Write provenance.json; paths in it are relative to the folder of the experiment file.
 
-    experiment: text of the experiment file as it was read. changed: files that are no longer what was read: they are
-    named, without a hash.
+    experiment: text of the experiment file as it was read. changed: files that changed since they were read, which are
+    listed without a hash.
     """
     folder = experiment_path.resolve().parent
 

@@ -1,7 +1,7 @@
 """Detection of input files that change while they are read, for example during copying or editing.
 
-Results belong to the content whose hash they are kept under (`validity`). Where a file changed between its hash and the
-last read of it, they belong to neither content, and must not be kept.
+Results are stored under the hash of their inputs (`validity`). If a file changes between the computation of its hash
+and its last reading, they belong to neither content and must not be stored.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from pathlib import Path
 
 CHANGED = "changed while it was read; wait until it is complete, then run the command again"
 
-State = tuple[object, ...] | None  # None: not there
+State = tuple[object, ...] | None  # None: does not exist
 
 
 @dataclass(frozen=True)
 class AsFound:
     """Files at one moment: location on disk, size and time of the last write. Devices never change.
 
-    Every write changes one of the three, and asking for them costs microseconds, also of recordings of gigabytes.
+    Every write changes one of the three, and reading them takes microseconds even for recordings of gigabytes.
     """
 
     states: dict[Path, State]
@@ -31,11 +31,11 @@ class AsFound:
         return AsFound({path: _state(path) for path in paths})
 
     def __or__(self, others: AsFound) -> AsFound:
-        """These files and others, each as it was when it was first looked at."""
+        """These files and others, each in its earliest state."""
         return AsFound(others.states | self.states)
 
     def changed(self) -> list[Path]:
-        """Those that were written, replaced or removed since."""
+        """Files that were written, replaced or removed since."""
         return [path for path, state in self.states.items() if _state(path) != state]
 
 

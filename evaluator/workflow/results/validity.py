@@ -1,7 +1,7 @@
 """Whether a cached result is up to date, by hashes of inputs, settings and code, not by dates.
 
-A record of a run holds, for every stage, the key of what the stage was made from, the hashes of the files it wrote and
-the values it found. A stage is reused only when its key is the same and its files are still what it wrote.
+A record of a run contains, for every stage, the key of its inputs, the hashes of its files and its values. A stage is
+reused only if its key is the same and its files are unchanged.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Any
 from evaluator.files import write_text
 
 PACKAGES = ("calibration", "simulator", "evaluator")
-LIBRARIES = ("numpy", "scipy", "pandas", "opencv-python-headless", "av", "numba")  # those that results depend on
-NOT_RESULTS = ("cli", "report", "studio")  # folders of the evaluator whose change leaves every number as it was
+LIBRARIES = ("numpy", "scipy", "pandas", "opencv-python-headless", "av", "numba")  # on which results depend
+NOT_RESULTS = ("cli", "report", "studio")  # folders of the evaluator on which no result depends
 
 
 def file_hash(path: Path) -> str:
@@ -33,7 +33,7 @@ def file_hash(path: Path) -> str:
 
 
 def key_of(inputs: Mapping[str, Any]) -> str:
-    """One hash of named inputs (anything JSON can say) and of the code that turns them into results."""
+    """One hash of named inputs (any JSON values) and of the code on which results depend."""
     text = json.dumps({"inputs": inputs, "code": code_hash(), "libraries": library_versions()}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -59,7 +59,7 @@ def library_versions() -> dict[str, str]:
 
 
 def installed_version(name: str) -> str:
-    """Version of an installed distribution, or a plain word where it is not installed as one."""
+    """Version of an installed distribution, or a word if it is not installed as one."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -67,7 +67,7 @@ def installed_version(name: str) -> str:
 
 
 def _as_in_tables(text: str) -> float:
-    """A number with the nine digits that tables have.
+    """A number with nine digits, as in tables.
 
     Two processes that compile the kernels at once may round the last bit differently.
     """
@@ -76,14 +76,14 @@ def _as_in_tables(text: str) -> float:
 
 @dataclass
 class Record:
-    """What is known of the stages of one run; `load` it, ask `fresh`, `keep` new results (written at once)."""
+    """Stored stages of one run: `load` it, query `fresh`, store new results with `keep` (written immediately)."""
 
     path: Path
     stages: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @staticmethod
     def load(path: Path) -> Record:
-        """Read a record; an absent or unreadable one is empty, so that its stages are computed anew."""
+        """Read a record; an absent or unreadable one is empty, so that its stages are computed again."""
         try:
             stages = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -91,7 +91,7 @@ class Record:
         return Record(path, stages if isinstance(stages, dict) else {})
 
     def fresh(self, stage: str, key: str) -> dict[str, Any] | None:
-        """Values of a stage if it was computed from exactly these inputs and its files are unchanged, else None."""
+        """Values of a stage, if it was computed from exactly these inputs and its files are unchanged, else None."""
         cached = self.stages.get(stage)
         if not isinstance(cached, dict) or cached.get("key") != key:
             return None
@@ -103,7 +103,7 @@ class Record:
         return values
 
     def keep(self, stage: str, key: str, files: list[Path], values: Mapping[str, Any]) -> dict[str, Any]:
-        """Remember a finished stage; returns its values as a later reader will see them."""
+        """Store a finished stage; return its values as a later reader gets them."""
         root = self.path.parents[1]
         self.stages[stage] = {
             "key": key,
@@ -115,7 +115,7 @@ class Record:
         return result
 
     def forget(self) -> None:
-        """Remove the record and every file it speaks of: results of an input that no longer yields any."""
+        """Remove the record and all files listed in it, for an input that no longer has results."""
         root = self.path.parents[1]
         for stage in self.stages.values():
             for name in stage.get("files", {}):

@@ -17,7 +17,7 @@ from simulator.robot import load_robot
 def budget_of(experiment: Experiment, outputs: Outputs, run_id: str) -> Budget:
     """Uncertainty budget of an analysed run: the contribution of each source.
 
-    Raises InputError where its marks or its camera cannot be read, KeyError for a run that the experiment has not.
+    Raises InputError if its marks or its camera cannot be read, KeyError for an unknown run.
     """
     run = {item.id: item for item in experiment.run}[run_id]
     robot = read_with(load_robot, Path(run.robot or experiment.robot))

@@ -20,10 +20,10 @@ from evaluator.workflow.results.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
-# Marks are put on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
-# height of the marks is off by more.
+# Marks are placed on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
+# height of the marks causes a larger deviation.
 SPACING_PERCENT = 3.0
-LATE_S = 0.1  # people read a clock this well: a recording stopped with the motors is whole
+LATE_S = 0.1  # accuracy of times read by hand: a recording that ends when the motors stop is complete
 
 
 @dataclass(frozen=True)
@@ -37,18 +37,18 @@ class Job:
     out: Path
     simulate: bool
     order: int = 0  # of the run within its session, from 0
-    marks_only: bool = False  # of a diagnosis: its turning is not measured
+    marks_only: bool = False  # for a diagnosis, which does not need the turning
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """Stages asked for, in their order."""
+        """Requested stages in order."""
         if self.marks_only:
             return ("track",)
         return ("track", "turn", "simulate") if self.simulate else ("track", "turn")
 
     @property
     def camera(self) -> Path | None:
-        """The camera that places the marks; marks given in mm need none, and poses neither."""
+        """The camera that places the marks; None for marks in mm and for poses."""
         if self.run.poses is not None:
             return None
         if self.run.marks is not None:
@@ -59,18 +59,18 @@ class Job:
 
     @property
     def files(self) -> list[Path]:
-        """Files that are read, and whose content the keys hold."""
+        """Files that are read; their contents are part of the keys."""
         of_video = [self.tracking, self.run.corrections] if self.run.video else []
         return [path for path in (self.run.source, self.camera, self.run.commands, *of_video) if path]
 
     def record(self) -> Record:
-        """What is known of earlier results."""
+        """The record of earlier results."""
         return Record.load(Outputs(self.out).record(self.run.id))
 
     def keys(self) -> dict[str, str]:
-        """What each stage is made from, as one hash; a stage's key holds that of the stage before it.
+        """Hash of the inputs of each stage; it includes the key of the stage before.
 
-        Raises OSError where an input cannot be read.
+        Raises OSError if an input cannot be read.
         """
         track = key_of(
             {
@@ -94,7 +94,7 @@ class Job:
 
 
 def _shape_of(robot: Robot | MeasuredRobot) -> dict[str, Any]:
-    """What a measured turn depends on beside the marks: body and wheels."""
+    """Properties of a robot other than marks on which a measured turn depends: body and wheels."""
     if isinstance(robot, MeasuredRobot):
         return robot.model_dump(include={"body", "wheels", "wheel"})
     wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in robot.all_wheels]
@@ -108,9 +108,9 @@ class RunResult:
     run: str
     turning: tuple[dict[str, Any], ...] = ()
     comparison: tuple[dict[str, Any], ...] = ()
-    notes: tuple[str, ...] = ()  # what is odd about the recording
+    notes: tuple[str, ...] = ()  # peculiarities of the recording
     fault: str | None = None
-    reused: bool = False  # nothing had to be computed
+    reused: bool = False  # from the cache
 
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
@@ -121,7 +121,7 @@ class RunResult:
 
 
 def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
-    """What is odd about a recording; only its log of commands tells that a stream without an index was cut."""
+    """Peculiarities of a recording; truncation of a stream without an index is detected by its command log."""
     off = 100 * (turning.get("mark_spacing_ratio", float("nan")) - 1)
     if abs(off) > SPACING_PERCENT:
         way = "farther apart" if off > 0 else "nearer"
@@ -145,20 +145,20 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
 
 
 def outdated_stages(job: Job) -> list[str]:
-    """Stages of a job that are not up to date. Raises OSError where an input cannot be read."""
+    """Stages of a job that are not up to date. Raises OSError if an input cannot be read."""
     record, keys = job.record(), job.keys()
     return [stage for stage in job.stages if record.fresh(stage, keys[stage]) is None]
 
 
 def step_of(job: Job, stage: str) -> str:
-    """A stage of a job in a word: marks or poses that are given are read, not tracked."""
+    """Name of a stage of a job for people: given marks or poses are read, not tracked."""
     if stage != "track" or job.run.video is not None:
         return stage
     return "read marks" if job.run.marks is not None else "read poses"
 
 
 def known_result(job: Job) -> RunResult | None:
-    """The result of a job that is known without work: up to date, or without a readable input; None otherwise."""
+    """The result of a job that needs no computation: up to date, or without a readable input; None otherwise."""
     record = job.record()
     try:
         keys = job.keys()
@@ -170,7 +170,7 @@ def known_result(job: Job) -> RunResult | None:
 
 
 def failed(job: Job, error: Exception) -> RunResult:
-    """The result of a job that ended in an error; what an earlier input had given is removed."""
+    """The result of a job that ended in an error; results of earlier inputs are removed."""
     job.record().forget()
     source = str(job.run.source)
     reason = " ".join(_reason(error).split())

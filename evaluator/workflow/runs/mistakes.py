@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def mistakes_of_marks(experiment: Experiment, marks: Mapping[str, Path]) -> list[Mistake]:
     """Mistakes of the runs whose marks CSV is given by run id; none if no robot can be simulated.
 
-    Raises nothing for files that cannot be read: that is said elsewhere, of the file itself.
+    Does not raise for unreadable files, which are reported elsewhere.
     """
     from evaluator.diagnosis.experiment import session_of
 
@@ -53,5 +53,5 @@ def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: Sequence[Mist
 
 
 def only_runs(experiment: Experiment, marks: Mapping[str, Path]) -> Experiment:
-    """The experiment with the runs only whose marks are there; others are not to be read."""
+    """The experiment with only the runs whose marks exist."""
     return experiment.model_copy(update={"run": tuple(run for run in experiment.run if run.id in marks)})

@@ -15,16 +15,16 @@ from evaluator.pose import Poses
 from evaluator.turning import RobotShape, Turning, measure_turning
 from evaluator.turning.clock import CommandDelay, command_delay
 
-# A stretch of fewer frames is no phase: a joystick passes through many values on its way to one.
+# Shorter intervals are not phases, because a joystick passes through many intermediate values.
 FEWEST_FRAMES = 12
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A part of a run that is measured by itself.
+    """A part of a run that is measured separately.
 
-    head: what a row of turning.csv says of it besides the turning. frames: those that belong to it, of the run's
-    poses. start_s, stop_s: motors on and off, where the measurement is to know it.
+    head: columns of its row of turning.csv other than the turning. frames: its frames among the poses of the run.
+    start_s, stop_s: motors on and off, if the measurement needs them.
     """
 
     frames: slice
@@ -58,10 +58,10 @@ class Phase:
 
 
 def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
-    """The phases of a run, in time; of a run with a log, those in which a motor is on and that are long enough.
+    """The phases of a run in order of time; of a run with a log, long enough intervals with a motor on.
 
-    Where the motion is later than the log, by clocks that differ or motors that wait, the phases are as late. Frames
-    that may belong to a change of command, or in which the robot comes up to speed, are in no phase.
+    Phases are delayed like the motion relative to the log, because of different clocks or a dead time. Frames that may
+    belong to a change of command, or in which the robot accelerates, are in no phase.
     """
     first, last = float(poses.time_s[0]), float(poses.time_s[-1])
     if not run_command.logged:
@@ -106,7 +106,7 @@ def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: Comma
 
 
 def rows_of(phases: Sequence[Phase], poses: Poses, shape: RobotShape | None) -> list[dict[str, Any]]:
-    """A row of turning.csv for every phase; one that says why for a log without any."""
+    """A row of turning.csv for every phase; for a log without phases one row with the reason."""
     if not phases:
         kept, there = "its log of commands holds nothing with a motor on for", int(poses.measured.sum())
         reason = f"{kept} {FEWEST_FRAMES} frames of the recording, which has {there} with a pose"

@@ -1,7 +1,7 @@
 """Stages of one run: track, turn, simulate; each is cached and reused while it is up to date.
 
-A stage reads what the stage before it wrote (not what it had in memory), so that an analysis that was interrupted and
-one that ran through give the same bytes.
+A stage reads the files of the stage before it, not its values in memory, so that an interrupted and an uninterrupted
+analysis give identical files.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from simulator.robot import Robot
 def bring_up_to_date(job: Job, progress: Progress = no_progress) -> RunResult:
     """Compute every stage of a job that is not up to date. Raises for an input that cannot be used.
 
-    progress: told how far the tracking of a video is.
+    progress: of the tracking of a video.
     """
     return _Stages(job, progress).result()
 
@@ -75,7 +75,7 @@ class _Stages:
         return self.record.keep(stage, self.keys[stage], files, values)
 
     def _refuse_changed(self, stage: str, files: list[Path]) -> None:
-        """Refuse, and take away, what was made from a file that changed while it was read: its key is of another."""
+        """Remove results of a file that changed while it was read, because their key is wrong, and raise InputError."""
         changed = self.found.changed()
         if changed and self.job.keys()[stage] != self.keys[stage]:
             for file in files:
@@ -116,9 +116,9 @@ class _Stages:
             found = read_poses(self.run.poses, self.run.topics)
             write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)
             return [path], {"notes": found.notes()}
-        assert self.run.video is not None  # one of the three, says the model of the file
+        assert self.run.video is not None  # the file has one of the three, by its validation
         assert self.camera is not None
-        # One decoder thread: the other cores have runs of their own.
+        # One decoder thread, because the other cores process other runs.
         recording = WithThumbnails(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         settings = sought(RobotGeometry(self.job.robot.layout), said)
@@ -151,7 +151,7 @@ class _Stages:
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
         if self.run.poses is None and len(self.job.robot.points_mm) == 1:
             raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
-        assert isinstance(self.job.robot, Robot)  # jobs that simulate have a whole one
+        assert isinstance(self.job.robot, Robot)  # jobs with simulation have a complete robot
         motion, seen = simulated_poses(self.job.robot, self.run_command, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
         write_table(motion.to_table(), path)
@@ -164,9 +164,9 @@ class _Stages:
 
 
 def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:
-    """Frames lost here and there cost nothing (each keeps its own time); a lost end may be the turn itself.
+    """Refuse a truncated recording; single lost frames are harmless, because each frame has its own time.
 
-    promised: frames that the container says it holds, else 0; promised_s: how long it says it lasts, else None.
+    promised: number of frames that the container states, else 0; promised_s: duration that it states, else None.
     """
     if report.interval is None or report.last is None:
         return
@@ -181,7 +181,7 @@ def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, v
 
 
 def _refuse_unseen(table: pd.DataFrame, marks: Sequence[str], video: Path) -> None:
-    """Refuse a recording that never shows enough of the marks: one where there is one, two of more."""
+    """Refuse a recording without a frame with enough marks: one of a single mark, two of several."""
     reasons = {}
     for mark in marks:
         status = table[f"{mark}_status"] if f"{mark}_status" in table else pd.Series(["not sought (tracking.toml)"])
@@ -197,7 +197,7 @@ def _refuse_unseen(table: pd.DataFrame, marks: Sequence[str], video: Path) -> No
 
 
 def pose_table(poses: Poses) -> pd.DataFrame:
-    """Poses as a table: centre and heading with their standard uncertainty from frame to frame, and the status."""
+    """Poses as a table: centre and heading with their standard uncertainty between frames, and the status."""
     sigma = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     return pd.DataFrame(
         {

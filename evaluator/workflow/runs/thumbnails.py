@@ -13,9 +13,9 @@ import numpy as np
 
 from evaluator.recording import Frame, ImageSequence, Recording
 
-IMAGES = 12  # per run: one every ten degrees or so of a usual turn
+IMAGES = 12  # per run: about one every ten degrees of a typical turn
 WIDTH_PX = 320
-ASSUMED_FRAMES = 600  # where the container does not say how many there are: ten seconds of the usual 60/s
+ASSUMED_FRAMES = 600  # if the container does not state their number: ten seconds at 60/s
 
 
 class WithThumbnails:
@@ -28,7 +28,7 @@ class WithThumbnails:
         self._chosen: list[tuple[float, bytes]] = []
 
     def __getattr__(self, name: str) -> Any:
-        """Everything else is the recording's own."""
+        """All other attributes are those of the recording."""
         return getattr(self._recording, name)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -40,7 +40,7 @@ class WithThumbnails:
             yield frame
 
     def to_json(self) -> str:
-        """The frames kept in the last iteration, as the report reads them."""
+        """The thumbnails of the last iteration as JSON for the report."""
         thin = max(1, round(len(self._chosen) / IMAGES))
         chosen = self._chosen[::thin]
         return json.dumps([{"time_s": time, "jpeg": base64.b64encode(data).decode()} for time, data in chosen]) + "\n"

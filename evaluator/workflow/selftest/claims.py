@@ -1,7 +1,7 @@
 """The accuracy claims of this version: limits that a self-test must meet on any machine.
 
-The measured figures, with their conditions, stand in tests/benchmarks/README.md; a limit leaves room for another draw
-of the noise, not for another algorithm.
+The measured figures, with their conditions, are in tests/benchmarks/README.md; a limit allows for other noise, not for
+another algorithm.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Claim:
-    """A figure and the range that it must lie in. stage: the step of the self-test that measures it."""
+    """A figure and its allowed range. stage: step of the self-test that measures it."""
 
     id: str
     stage: str
@@ -41,12 +41,12 @@ class Claim:
 
 
 def at_most(id: str, stage: str, what: str, high: float, unit: str, why: str) -> Claim:  # noqa: A002  # the field's name
-    """A claim that a figure, an error without sign, is small."""
+    """A claim that a figure, such as an absolute error, is small."""
     return Claim(id, stage, what, unit, -math.inf, high, why)
 
 
 def exactly(id: str, stage: str, what: str, value: float, why: str) -> Claim:  # noqa: A002
-    """A claim that a count, or yes (1) and no (0), is what it must be."""
+    """A claim that a count, or yes (1) and no (0), has a certain value."""
     return Claim(id, stage, what, "", value, value, why)
 
 

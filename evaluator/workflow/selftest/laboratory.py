@@ -1,6 +1,6 @@
 """Inputs of the self-test: scenes to render, and an experiment with a hidden effect and usual mistakes.
 
-Random numbers come from a seed, so that a maintainer can repeat what a user saw.
+Random numbers come from a seed, so that a maintainer can reproduce the result of a user.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ TURN_RPM = (33.3, 14.4)
 TURN_S = 6.0  # two thirds of a full circle: enough for the radius, a third of the frames of a sample recording
 HIDDEN, PARAMETER, SIZE = "axle-compliance", "deg_per_mN", 1.1
 LATE_S = 0.015  # of all starts in the file
-SWAPPED = 3  # place among the runs of the one whose sides are exchanged in the file
+SWAPPED = 3  # index of the run whose sides are exchanged in the file
 NOISE_MM = 0.004
-FRICTION, SPEED = 0.01, 0.003  # scatter from run to run, relative
+FRICTION, SPEED = 0.01, 0.003  # scatter between runs, relative
 RUN_S, RATE_HZ, START_S = 5.0, 30, 0.3
 COMMANDS_RPM = (
     (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3), (33.0, 5.0), (5.0, 33.0), (-33.0, -5.0), (-5.0, -33.0),
@@ -44,13 +44,13 @@ class HiddenEffect:
 
 
 def gauge_orders(folder: Path, seed: int) -> list[SceneOrder]:
-    """The gauge images of the samples, with noise of their own."""
+    """The gauge images of the samples, with other noise."""
     recipes = sorted((sample_folder() / "recipes").glob("gauge-*.toml"))
     return [_order(recipe, folder, seed + number, {}) for number, recipe in enumerate(recipes)]
 
 
 def turn_order(folder: Path, seed: int) -> SceneOrder:
-    """A clip of one turn to the left, with noise of its own."""
+    """A clip of one turn to the left, with other noise."""
     return _order(sample_folder() / "recipes" / "turn-33.3-14.4.toml", folder, seed + 100, {"duration_s": TURN_S})
 
 
@@ -74,7 +74,7 @@ def write_turn(folder: Path, marks: Path) -> Path:
 
 
 def write_hidden_effect(folder: Path, seed: int) -> HiddenEffect:
-    """Simulate runs of a robot with a hidden effect, in a laboratory that is not tidy, and write what it would know."""
+    """Simulate runs of a robot with a hidden effect and usual mistakes, and write the files of such an experiment."""
     from simulator.robot import load_robot
 
     rng = np.random.default_rng(seed)
@@ -94,7 +94,7 @@ def write_hidden_effect(folder: Path, seed: int) -> HiddenEffect:
 
 
 def _marks(robot: Robot, rpm: tuple[float, float], rng: np.random.Generator) -> pd.DataFrame:
-    """Marks of one run with its own friction and speed, seen with noise."""
+    """Marks of one run with its own friction and speed, with noise."""
     from simulator.command import Command
     from simulator.effects.entry import EffectEntry
     from simulator.observation import marks_of_run

@@ -37,19 +37,19 @@ from simulator.errors import SimulationError
 
 Figures = dict[str, float]
 RENDERING = "render"
-# What has nothing to look at where a stage fails; files of an earlier self-test must not take its place.
+# Stages that need the files of another one; if it fails, files of an earlier self-test must not be used instead.
 NEED_FILES_OF = {
     RENDERING: (CALIBRATING, TRACKING, FITTING),
     CALIBRATING: (TRACKING, FITTING),
     TRACKING: (FITTING,),
 }
-STEADY_S = 1.0  # after the motors start: the transient of some 10 ms is long over
+STEADY_S = 1.0  # after the start of the motors: much longer than the transient of some 10 ms
 SETTLED_S = 0.5 + STEADY_S
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A claim and what was measured; NaN, with the reason, where nothing was."""
+    """A claim and its measured value; NaN with the reason if it could not be measured."""
 
     claim: Claim
     value: float
@@ -80,7 +80,7 @@ def self_test(folder: Path | str, *, seed: int = 1, progress: Progress = no_prog
     """Check the accuracy claims of this version on this machine; all files are kept in the folder.
 
     A stage that fails does not stop the others, except those that need its files: their figures are NaN with the
-    reason. Raises InputError where the sample recipes are not installed, OSError where the folder cannot be written.
+    reason. Raises InputError if the sample recipes are not installed, OSError if the folder cannot be written.
     """
     here = Path(folder)
     here.mkdir(parents=True, exist_ok=True)
@@ -112,7 +112,7 @@ def self_test(folder: Path | str, *, seed: int = 1, progress: Progress = no_prog
 
 
 def machine_facts() -> dict[str, str]:
-    """Properties of this machine for a maintainer, without names of it or of its user."""
+    """Properties of this machine for a maintainer, without its name or that of its user."""
     return {
         "turnscope": f"{installed_version('turnscope')}, code {code_hash()[:12]}",
         "system": f"{platform.system()} {platform.release()}, {platform.machine()}",
@@ -123,7 +123,7 @@ def machine_facts() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """Name of the processor, as the system tells it."""
+    """Name of the processor, as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -182,7 +182,7 @@ def _fit(folder: Path, seed: int) -> Figures:
 
 
 def _simulate(folder: Path, seed: int) -> Figures:
-    """Simulate the first sample turn and compare it with the path that came with it."""
+    """Simulate the first sample turn and compare it with its shipped path."""
     del folder, seed
     from simulator.command import Command
     from simulator.robot import load_robot

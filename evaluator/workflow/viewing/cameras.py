@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evaluator.files import read_with
 
 MOST_PX = 1600  # of a shown image
-# Of the pixels: the paper between the dots is a tenth of the image or more, and a tenth of it may shine.
+# Share of the pixels: the paper between the dots is at least a tenth of the image, and a tenth of it may have reflexes.
 CLIPPED = 0.01
-# Of the range: the noise of a sensor hardly depends on the light there, so centres are four times less certain.
+# Share of the range: the noise of a sensor is nearly constant below, so that centres are four times less certain.
 DARK = 0.25
 
 
@@ -42,7 +42,7 @@ def dots_of_image(path: Path) -> dict[str, Any]:
 def gauge_in(image: NDArray[np.generic]) -> dict[str, Any]:
     """Gauge found in an image: size_px, centres (n, 2), which of them form the array, their sigma, focus, exposure.
 
-    image: (h, w) or (h, w, 3). blur_px: width of the edges, median, None without an array. light: a sentence where the
+    image: (h, w) or (h, w, 3). blur_px: median width of the edges, None without an array. light: a sentence if the
     exposure is wrong, else "".
     """
     from calibration.assignment.array_in_image import find_array
@@ -81,7 +81,7 @@ def light_of(image: NDArray[np.generic]) -> str:
 def camera_view(path: Path) -> dict[str, Any]:
     """The verdict of a camera.json, its images, and a map of uncertainty in µm at the height of the marks.
 
-    map: columns, rows, sigma_um of a place measured there (1 sigma), row by row from the top left.
+    map: columns, rows, sigma_um of a position there (1 sigma), row by row from the top left.
     Raises InputError, CalibrationError.
     """
     from calibration.assessment.next_image import MAP as GRID

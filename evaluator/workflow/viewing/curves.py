@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Column = dict[str, Any]
 NOSE_MM = 4.0  # just beyond the robot's front
-SPAN_S = 0.2  # speeds are slopes over so long: tracking noise of 0.005 mm makes 0.04 mm/s of it
+SPAN_S = 0.2  # interval of the slopes for speeds: tracking noise of 0.005 mm causes 0.04 mm/s
 
 
 @dataclass(frozen=True)
 class RunCurves:
-    """Columns by name, each (n,); what is not known is NaN.
+    """Columns by name, each (n,); unknown values are NaN.
 
     marks: frame, time_s, status and px of every mark. poses: time_s, mm, heading_deg, speed_mm_s, yaw_rate_deg_s and
-    centre and nose in px. simulated: the same of the simulated counterpart. Empty where there are no results.
+    centre and nose in px. simulated: the same for the simulated counterpart. Empty if there are no results.
     """
 
     marks: Column = field(default_factory=dict)
@@ -40,7 +40,7 @@ class RunCurves:
 
 
 def run_curves(experiment: Path, run_id: str) -> RunCurves:
-    """The curves of a run as the last analysis left them. Raises InputError for an experiment that cannot be read."""
+    """The curves of a run in the last analysis. Raises InputError for an experiment that cannot be read."""
     run, outputs = run_of(experiment, run_id), Outputs(out_folder(experiment))
     if not outputs.marks(run_id).is_file() or not outputs.poses(run_id).is_file():
         return RunCurves()

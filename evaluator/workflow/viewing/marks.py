@@ -30,9 +30,9 @@ COLUMNS = ("frame", "mark", "x", "y")
 
 @dataclass(frozen=True)
 class TrackingFile:
-    """The tracking.toml of an experiment: where it is or would be, its version, what it says.
+    """The tracking.toml of an experiment: its path, whether or not it exists, version and content.
 
-    sought: settings of the marks that are looked for, by name: those of the robot where the file names none.
+    sought: settings of the tracked marks by name: those of the robot if the file names none.
     """
 
     path: Path
@@ -42,7 +42,7 @@ class TrackingFile:
 
 
 def settings_of(said: Mapping[str, Any]) -> TrackingSettings:
-    """Settings as tracking.toml says them. Raises InputError with all faults."""
+    """Settings from the content of tracking.toml. Raises InputError with all faults."""
     from evaluator.tracking import TrackingSettings, load_settings
 
     try:
@@ -52,7 +52,7 @@ def settings_of(said: Mapping[str, Any]) -> TrackingSettings:
 
 
 def look_at(frame: Frame, settings: TrackingSettings) -> dict[str, Any]:
-    """Mask, blobs and measured centre of every mark in a single frame, without knowledge of other frames."""
+    """Mask, blobs and measured centre of every mark in a single frame, independent of other frames."""
     from evaluator.tracking import track
     from evaluator.tracking.detection.explain import explain as seen_in
 
@@ -96,9 +96,10 @@ def tracking_file(experiment: Path) -> TrackingFile:
 
 
 def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> TrackingFile:
-    """Write what changed into the tracking.toml of an experiment, which names the file from then on.
+    """Write changes into the tracking.toml of an experiment, and name the file in the experiment.
 
-    said: all of the file; comments of what stays the same stay. Raises ChangedMeanwhileError; InputError for faults.
+    said: whole content of the file; comments of unchanged entries are kept. Raises ChangedMeanwhileError; InputError
+    for faults.
     """
     settings_of(said)
     there = tracking_file(experiment)
@@ -121,12 +122,12 @@ def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> T
 
 
 def corrections_file(experiment: Path, run_id: str) -> Path:
-    """Where the corrections of a run are, or would be."""
+    """Path of the corrections of a run, whether or not it exists."""
     return run_of(experiment, run_id).corrections or experiment.resolve().parent / f"{run_id}-corrections.csv"
 
 
 def corrections_of(experiment: Path, run_id: str) -> tuple[list[dict[str, Any]], str]:
-    """Rows of the corrections of a run, x and y None where a mark was taken away; and the version of the file."""
+    """Rows of the corrections of a run, x and y None for a removed mark; and the version of the file."""
     from evaluator.tracking import read_corrections
 
     path = corrections_file(experiment, run_id)
@@ -141,7 +142,7 @@ def corrections_of(experiment: Path, run_id: str) -> tuple[list[dict[str, Any]],
 
 
 def write_corrections(experiment: Path, run_id: str, version: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Write the corrections of a run, which names the file from then on; gives the file's new version."""
+    """Write the corrections of a run, and name the file in the run; return the file's new version."""
     path = corrections_file(experiment, run_id)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -14,12 +14,12 @@ from evaluator.settings import load_experiment
 from evaluator.workflow.editing.experiments import read_experiment
 from evaluator.workflow.results.outputs import Outputs
 
-MOST_BYTES = 2_000_000  # of a file that could be an experiment or a camera
+MOST_BYTES = 2_000_000  # of a file that is read as an experiment or a camera
 
 
 @dataclass(frozen=True)
 class ExperimentSummary:
-    """An experiment.toml: its name, how many runs it has, and the fault that keeps it from being read."""
+    """An experiment.toml: its name, number of runs, and the fault because of which it cannot be read."""
 
     path: Path
     name: str
@@ -30,7 +30,7 @@ class ExperimentSummary:
 
 @dataclass(frozen=True)
 class CameraSummary:
-    """A camera.json: its verdict and what lengths at mark height are known to, relative."""
+    """A camera.json: its verdict and the relative uncertainty of lengths at mark height."""
 
     path: Path
     level: str
@@ -49,7 +49,7 @@ class ResultsState:
 
 
 def out_folder(experiment: Path) -> Path:
-    """Where a front end puts results: `out` beside an experiment.toml, `out-NAME` beside a file of another name."""
+    """Default folder of results: `out` beside an experiment.toml, `out-NAME` beside a file of another name."""
     return experiment.parent / ("out" if experiment.stem == "experiment" else f"out-{experiment.stem}")
 
 
@@ -64,7 +64,7 @@ def cameras_among(files: Iterable[Path]) -> list[CameraSummary]:
 
 
 def files_named(experiment: Path) -> list[Path]:
-    """Every file that an experiment names, there or not. Raises InputError where it cannot be read."""
+    """Every file that an experiment names, whether or not it exists. Raises InputError for an unreadable experiment."""
     described = read_with(load_experiment, experiment)
     robots = [Path(run.robot or described.robot) for run in described.run]
     named = [path for run in described.run for path in (run.source, run.camera, run.corrections, run.commands) if path]
@@ -73,7 +73,7 @@ def files_named(experiment: Path) -> list[Path]:
 
 
 def results_state(experiment: Path) -> ResultsState:
-    """State of an experiment's results, by content; this reads every recording."""
+    """State of an experiment's results by content, which requires reading every recording."""
     from evaluator.workflow.analysis import pending
     from evaluator.workflow.diagnosis.validity import is_current, key_of_diagnosis, own_effect_ids
     from simulator.errors import SimulationError
@@ -93,7 +93,7 @@ def results_state(experiment: Path) -> ResultsState:
 
 
 def _in_short(experiment: Path, sentence: str) -> str:
-    """What keeps an experiment from being analysed: one of many faults of its table stands for all of them."""
+    """A short sentence on why an experiment cannot be analysed: a single fault, or the number of faults."""
     try:
         faults = read_experiment(experiment).faults
     except InputError:

@@ -1,4 +1,4 @@
-"""The results of an experiment as the last analysis and the last diagnosis left them, for a front end to draw."""
+"""The results of the last analysis and the last diagnosis of an experiment, for the plots of a front end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from evaluator.workflow.editing.unfinished import read_unfinished
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.viewing.overview import out_folder
 
-MOST_POINTS = 200  # of a drawn path: below a tenth of a pixel of error on a turn that fills its panel
+MOST_POINTS = 200  # of a drawn path: errors below a tenth of a pixel for a turn that fills its panel
 MEASURED = (
     *("radius_mm", "radius_low_mm", "radius_high_mm", "radius_status", "speed_mm_s", "yaw_rate_deg_s", "turned_deg"),
     *("center_x_mm", "center_y_mm", "sustained_from_s", "share_used", "group"),
@@ -28,7 +28,7 @@ COMPARED = ("simulated_radius_mm", "simulated_speed_mm_s", "simulated_yaw_rate_d
 class Results:
     """A row per analysed run: id, command, numbers of turning.csv and comparison.csv, paths thinned, mm.
 
-    gap_mm: RMS of the gaps of all runs, each simulated from its measured start; NaN where there are none.
+    gap_mm: RMS of the gaps of all runs, each simulated from its measured start; NaN if there are none.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Results:
 
 @dataclass(frozen=True)
 class DiagnosisView:
-    """content: of diagnosis.json, None where there is none. pieces: columns of disagreement.csv by name."""
+    """content: of diagnosis.json, None if there is none. pieces: columns of disagreement.csv by name."""
 
     content: dict[str, Any] | None
     pieces: dict[str, Any] = field(default_factory=dict)
@@ -76,7 +76,7 @@ def results_view(experiment: Path) -> Results:
 
 
 def diagnosis_view(experiment: Path) -> DiagnosisView:
-    """The last diagnosis of an experiment. Raises InputError where its file cannot be read."""
+    """The last diagnosis of an experiment. Raises InputError if its file cannot be read."""
     outputs = Outputs(out_folder(experiment))
     if not outputs.diagnosis.is_file():
         return DiagnosisView(None)

@@ -26,10 +26,10 @@ from simulator.simulation import simulate
 
 Array = NDArray[np.float64]
 RATE_HZ = 20.0  # of a drawn path: its chords are 0.1 mm long
-STEPS = 40  # steps to either side of absent where the catalogue sets no nearer bound
+STEPS = 40  # steps to either side of absent, unless the catalogue has narrower bounds
 SLIDER_STEPS = 200
 MOST_RUNS, LONGEST_S = 60, 60.0
-SETTLED = 0.8  # a turn is read from the last fifth of a run
+SETTLED = 0.8  # share of a run after which its turn is evaluated
 STRAIGHT_PER_MM = 1e-5
 
 # Nominal values with sliders: key, words, unit; from half of nominal to twice of it.
@@ -73,7 +73,7 @@ class EffectSliders:
 
 
 def effect_sliders(experiment: Path | None = None) -> list[EffectSliders]:
-    """Sliders of all effects of the catalogue and beside an experiment, initially at their defaults."""
+    """Sliders of all effects of the catalogue and of those beside an experiment, initially at their defaults."""
     own = () if experiment is None else load_beside(experiment.parent)
     return [
         EffectSliders(e.id, e.name, e.sentence, e.law, e.kind, tuple(_slider(parameter) for parameter in e.parameters))
@@ -87,7 +87,7 @@ def robot_names() -> tuple[str, ...]:
 
 
 def robot_sliders(robot: Path | str) -> list[Slider]:
-    """Sliders of a robot's nominal values, as far as it has them."""
+    """Sliders of the nominal values that a robot has."""
     described = _robot(robot).model_dump(mode="json")
     found = []
     for key, words, unit in NOMINAL:
@@ -108,9 +108,9 @@ def sandbox_motions(
 ) -> list[dict[str, Any]]:
     """Simulated path of every command (left, right rpm) from rest at the origin, for a changed robot.
 
-    nominal: values by dotted key; effects: parameters by id, added to those of the robot or in place of them. Gives
-    x_mm, y_mm as they would be measured, radius_mm (None when straight), speed_mm_s.
-    Raises InputError for values that cannot be, SimulationError for a motion that cannot be followed.
+    nominal: values by dotted key; effects: parameters by id, added to those of the robot or replacing them. Returns
+    x_mm, y_mm as they would be measured, radius_mm (None if straight), speed_mm_s.
+    Raises InputError for invalid values, SimulationError for a motion that cannot be simulated.
     """
     if not (0 < duration_s <= LONGEST_S) or len(commands) > MOST_RUNS:
         raise InputError(f"at most {MOST_RUNS} runs of {LONGEST_S:g} s are drawn")
@@ -137,7 +137,7 @@ def _motion(robot: Robot, left: float, right: float, times: np.ndarray) -> dict[
 
 
 def _seen(robot: Robot, run: Run) -> tuple[Array, Array]:
-    """Where the centre is measured to be: marks that are seen with an error move it as they would a point of it."""
+    """Measured position of the centre, which errors of the observed marks displace like a point of the robot."""
     (place,) = view_of(robot, [(0.0, 0.0)]).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
     return place[:, 0], place[:, 1]
 
