@@ -36,6 +36,7 @@ def ranked(
     monkeypatch.setattr(verdict, "_strains", lambda *_: False)
     monkeypatch.setattr(verdict, "_at_bounds", lambda *_: False)
     monkeypatch.setattr(verdict, "_relieves", lambda *_: False)
+    monkeypatch.setattr(verdict, "_is_stood_for", lambda *_: False)
     monkeypatch.setattr(verdict, "score", lambda _, ids, __: scores.get(ids, -np.inf))
     order = sorted(scores, key=lambda ids: -scores[ids])
     search: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=on_ground))
@@ -96,13 +97,13 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("carries_over", [True, False])
 @pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])
-def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out_and_its_size_is_told(
+def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out_and_its_size_is_significant(
     least_material: float, asked: bool, carries_over: bool, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scores = {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0}
     search, table = ranked(monkeypatch, scores, on_ground=asked)
     monkeypatch.setattr(verdict, "_predicts", lambda _, ids, other: carries_over if ids - other == FREE else asked)
-    monkeypatch.setattr(verdict, "_is_told", lambda *_: told)
+    monkeypatch.setattr(verdict, "_is_significant", lambda *_: told)
     found = decide(search, table, 95, A, least_material)
     assert found[:2] == ((FREE | A, "unknown") if (carries_over and told) or not asked else (A, "effect"))
 
@@ -118,7 +119,7 @@ def test_the_size_of_a_form_is_told_where_one_of_its_coefficients_is_not_nought(
     fit = SimpleNamespace(columns=columns, point=SimpleNamespace(value=lambda column: column.size))
     monkeypatch.setattr(verdict, "covariance_over_commands", lambda *_: np.diag([1.0, 1.0, 9.0]))
     search: Any = SimpleNamespace(fits={FREE | A: fit}, problem=SimpleNamespace(data=()), tolerance={})
-    assert verdict._is_told(search, FREE | A) == told
+    assert verdict._is_significant(search, FREE | A) == told
 
 
 @pytest.mark.parametrize(
