@@ -1,8 +1,8 @@
-"""Interlaced recordings: each field is a frame of its own, at its own time, on every second line.
+"""Interlaced recordings: each field becomes a frame with its own time, with every second line.
 
-The cameras of the CCD age expose the odd and the even lines half a frame apart. Weaving them into one frame tears
-everything that moves; taken apart, they are frames at twice the rate. Which field comes first is seen from the
-frames: its lines lag behind those of the other field.
+Interlaced cameras expose the odd and the even lines half a frame apart. A frame woven of both has torn edges of moving
+objects; separate fields are frames at twice the rate. The order of the fields is determined from the frames: the lines
+of the first one lag behind those of the other.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from evaluator.recording.frame import Frame, Plane
 Fields = Literal["auto", "none", "top", "bottom"]
 
 MOVED = 12  # levels of 8 bits by which a pixel changes when an edge moves over it; twice the noise of dim recordings
-ENOUGH = 400  # moved pixels from which the verdict is taken
-# By how much of a frame lines of one field are ahead of the other's: half of one where they are fields, else nothing.
+ENOUGH = 400  # least number of moved pixels for a decision
+# Threshold of the lead of one field, in frames: half a frame in interlaced recordings, otherwise zero.
 AHEAD = 0.25
 
 
 def fields_of(frame: Frame, first: str, half_ticks: int, index: int) -> Iterator[Frame]:
-    """Split a frame into its two fields in the order of time.
+    """Split a frame into its two fields in order of time.
 
-    first: "top" or "bottom". half_ticks: half the time between frames, in the halved ticks that fields count in.
+    first: "top" or "bottom". half_ticks: half the interval of frames, in the half ticks of field times.
     index: of the first field.
     """
     order = (0, 1) if first == "top" else (1, 0)
@@ -51,7 +51,7 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
     """Determine from the frames whether they are interlaced, and which field is first; None if nothing moves.
 
     A line of the later field shows what its neighbours, of the earlier one, will show half a frame later: it differs
-    from their mean by half of what changes in a frame. What else lines differ by (edges, noise) has no such sign.
+    from their mean by half of the change within a frame. Other differences of lines (edges, noise) have random signs.
     """
     ahead = change = 0.0
     moved_pixels = 0
@@ -62,13 +62,13 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
         if len(held) < 3 or not before.shape == now.shape == after.shape or len(now) < 4:
             continue
         moved = cv2.absdiff(after, before)[1:-1] > now.dtype.type(MOVED * 2 ** (frame.depth - 8))
-        # An edge moves a few of its neighbours too; noise moves single pixels.
+        # A moving edge changes neighbouring pixels, too; noise changes single ones.
         moved[:, 1:] &= moved[:, :-1]
         rows, columns = _places(moved)
         moved_pixels += len(rows)
         above, line, below = now[rows + np.arange(3)[:, None], columns].astype(float)
         in_a_frame = (after[rows + 1, columns].astype(float) - before[rows + 1, columns]) / 2.0
-        bottom_field = np.where(rows & 1, -1.0, 1.0)  # row 0 of those looked at is the second line
+        bottom_field = np.where(rows & 1, -1.0, 1.0)  # row 0 of the examined rows is the second line
         ahead += float(np.sum(bottom_field * (line - (above + below) / 2.0) * in_a_frame))
         change += float(np.sum(in_a_frame**2))
         if moved_pixels > 10 * ENOUGH:
@@ -81,6 +81,6 @@ def field_order(frames: Iterable[Frame]) -> Literal["none", "top", "bottom"] | N
 
 
 def _places(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of what is marked, as `np.nonzero` gives them, in a fifth of its time."""
+    """Rows and columns of true elements, like `np.nonzero`, in a fifth of its time."""
     rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
     return rows, columns

@@ -17,7 +17,7 @@ Plane = NDArray[np.unsignedinteger]
 
 @dataclass(slots=True)  # not frozen: one is made for every frame, and that takes four times as long then
 class Frame:
-    """A frame (or a field of one) as the sensor saw it, whatever rotation the file asks of viewers.
+    """A frame, or a field of one, as recorded by the sensor, regardless of rotation metadata for viewers.
 
     index: counts the frames of the recording from 0. ticks, tick: presentation time in ticks of the clock,
     and the tick in s. luma: (rows, columns) of 8 or 16 bit samples; row j lies at y = row_origin + row_step·j px of the
@@ -60,7 +60,7 @@ class Frame:
 
     @property
     def colourless(self) -> bool:
-        """Whether the frame is grey all over, stored with colour or without: within two levels of 8 bits."""
+        """Whether the whole frame is grey, within two levels of 8 bits, even if stored with colour planes."""
         within, middle = 2 << (self.depth - 8), 1 << (self.depth - 1)
         return all(
             plane is None or (int(plane.min()) >= middle - within and int(plane.max()) <= middle + within)
@@ -84,11 +84,11 @@ class Frame:
         return np.column_stack([np.full(3, luma * scale), of_color * scale, constant])
 
     def to_rgb(self) -> NDArray[np.uint8]:
-        """Convert to (height, width, 3) RGB of 8 bits; a field's lines are doubled. For frames people look at."""
+        """Convert to (height, width, 3) RGB of 8 bits for display; the lines of a field are doubled."""
         planes, to_rgb = [self.luma.astype(np.float32)], self.rgb_from_planes
         if self.u is None or self.v is None:
             to_rgb = to_rgb[:, [0, 3]]
-            to_rgb[:, 1] = -to_rgb[:, 0] * self.black  # middle of no colour
+            to_rgb[:, 1] = -to_rgb[:, 0] * self.black  # neutral level of colour
         else:
             planes += [self._upsampled(self.u), self._upsampled(self.v)]
         rgb = cv2.transform(cv2.merge(planes), to_rgb)

@@ -1,6 +1,6 @@
 """Groups of H.264 frames that can be decoded independently: no frame refers to one before its IDR frame.
 
-Decoders that take groups in turn need not hand frames to one another, as FFmpeg's frame threads do for every frame.
+Decoders that process groups in turn need not exchange frames, whereas FFmpeg's frame threads exchange every frame.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-SLICE, IDR_SLICE, KIND = 1, 5, 31  # NAL units of a frame, and the bits that say so (ITU-T H.264, 7.3.1 and table 7-1)
-AVC_CONFIGURATION = 1  # first of extradata where units are told by their length, tables lie apart (ISO/IEC 14496-15)
-LONGEST = 300  # frames of a group: encoders make 250 at most unless told
+SLICE, IDR_SLICE, KIND = 1, 5, 31  # types of NAL units of frames, and mask of the type (ITU-T H.264, 7.3.1, table 7-1)
+AVC_CONFIGURATION = 1  # first byte of extradata if units are preceded by their length (ISO/IEC 14496-15)
+LONGEST = 300  # frames of a group: encoders use 250 at most by default
 
 
 @dataclass(frozen=True)
 class Groups:
-    """How to tell where a group begins; length_bytes: of the number before each NAL unit."""
+    """Detection of the begin of groups; length_bytes: size of the length field before each NAL unit."""
 
     length_bytes: int
 
     def begins(self, packet: Any) -> bool:
-        """Whether a packet holds an IDR frame: of those called key frames, some only start open groups."""
+        """Whether a packet contains an IDR frame; other key frames may start open groups."""
         if not packet.is_keyframe:
             return False
         data, place = memoryview(packet), 0
@@ -38,7 +38,7 @@ class Groups:
 
 
 def groups_of(stream: Any) -> Groups | None:
-    """How to tell groups of a stream apart; None of other codecs, and where NAL units do not tell their length."""
+    """Detection of the groups of a stream; None for other codecs and for NAL units without length fields."""
     context = stream.codec_context
     tables = bytes(context.extradata or b"")
     if context.codec.name != "h264" or len(tables) < 5 or tables[0] != AVC_CONFIGURATION:

@@ -1,4 +1,4 @@
-"""Images as a recording at a given rate: PNG, JPEG or TIFF files in order of their names, or one TIFF stack."""
+"""Images as a recording at a given rate: PNG, JPEG or TIFF files sorted by name, or one TIFF stack."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
 
 def images_in(folder: Path) -> list[Path]:
     """Images of a folder, frame 2 before frame 10."""
-    here = (path for path in folder.iterdir() if not path.name.startswith("."))  # macOS leaves ._NAME beside NAME
+    here = (path for path in folder.iterdir() if not path.name.startswith("."))  # macOS creates ._NAME beside NAME
     found = [path for path in here if path.suffix.lower() in SUFFIXES and path.is_file()]
     return sorted(found, key=lambda path: [int(part) if part.isdigit() else part for part in _parts(path.name)])
 
@@ -33,7 +33,7 @@ class ImageSequence:
     """Images of a folder or of a TIFF stack at a constant rate; the same interface as `Recording`."""
 
     def __init__(self, place: Path, rate_hz: Fraction) -> None:
-        """place: a folder that holds the images, or a TIFF. Raises InputError where there are none."""
+        """place: a folder of images, or a TIFF. Raises InputError if there are none."""
         self.name = str(place)
         self._paths = images_in(place) if place.is_dir() else [place]
         if not self._paths:
@@ -43,13 +43,13 @@ class ImageSequence:
         self._stacked = not place.is_dir()
         self.expected_frames = count_images(place) if self._stacked else len(self._paths)
         self.expected_s: float | None = None
-        self.threads = 0  # as of `Recording`; nothing here decodes in threads
+        self.threads = 0  # as in `Recording`; images are not decoded in threads
         self._duplicates: list[int] = []
         self._notes: list[str] = []
         self._done = 0
 
     def __iter__(self) -> Iterator[Frame]:
-        """Read the images one after the other. Raises InputError for one that cannot be read or differs in size."""
+        """Read the images in order. Raises InputError for one that cannot be read or differs in size."""
         self._duplicates, self._notes, self._done = [], [], 0
         before: Plane | None = None
         for index, (path, image) in enumerate(self._images()):
@@ -73,7 +73,7 @@ class ImageSequence:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """(width, height) of the first image; (0, 0) where it cannot be read."""
+        """(width, height) of the first image; (0, 0) if it cannot be read."""
         _, image = next(self._images())
         return (0, 0) if image is None else (image.shape[1], image.shape[0])
 
@@ -85,7 +85,7 @@ class ImageSequence:
             yield from ((str(path), read_pixels(path)) for path in self._paths)
 
     def report(self) -> TimingReport:
-        """Sum up what was read in the last iteration."""
+        """Summary of the last iteration."""
         return summarise(range(self._done), self.tick, self._duplicates, self._notes)
 
 

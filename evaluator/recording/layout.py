@@ -1,4 +1,4 @@
-"""How a decoded frame's planes lie in memory, worked out once and used for all frames of a recording."""
+"""Memory layout of the planes of decoded frames, determined once for all frames of a recording."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluator.recording.frame import Frame, Plane
 
-# Planar formats whose planes are used as they are: names without the depth suffix.
+# Planar formats whose planes are used without conversion: names without the depth suffix.
 PLANAR = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "yuv440p", "yuv411p", "yuv410p")
 KINDS = {1: "I", 2: "P", 3: "B"}
 
@@ -20,8 +20,8 @@ KINDS = {1: "I", 2: "P", 3: "B"}
 class Layout:
     """Memory layout common to all frames of a recording.
 
-    name, width, height: of the decoder's frames. target: format to convert to first, where the planes cannot be used
-    as they are. depth: bits of a sample after that. shapes: of its planes, (rows, columns).
+    name, width, height: of the decoder's frames. target: format of a necessary conversion, if any. depth: bits of a
+    sample after that. shapes: of its planes, (rows, columns).
     """
 
     name: str
@@ -35,14 +35,14 @@ class Layout:
 
     @classmethod
     def of(cls, image: Any) -> Self:
-        """Work out the layout of a decoded frame."""
+        """The layout of a decoded frame."""
         name = image.format.name
         depth = image.format.components[0].bits
         base = name.split("p1")[0] + "p" if depth > 8 else name
         grey = name.startswith(("gray", "mono"))
         target = None
         if not (base in PLANAR or (grey and depth in (8, 10, 12, 16))) or name.endswith("be"):
-            # RGB, palettes, packed and big-endian formats: full range and no subsampling, so that nothing is lost.
+            # RGB, palettes, packed and big-endian formats: full range without subsampling, so that no data is lost.
             target = ("gray16le" if depth > 8 else "gray") if grey else ("yuv444p16le" if depth > 8 else "yuvj444p")
             depth = 16 if depth > 8 else 8
         full = target is not None or grey or name.startswith("yuvj") or image.color_range == 2
@@ -52,13 +52,13 @@ class Layout:
         return cls(name, image.width, image.height, target, depth, full, matrix, shapes)
 
     def fits(self, image: Any) -> bool:
-        """Whether a frame is laid out like the one this was made from."""
+        """Whether a frame has this layout."""
         return bool(image.width == self.width and image.height == self.height and image.format.name == self.name)
 
     def frame(self, image: Any, index: int, ticks: int, tick: Fraction, before: Frame | None) -> Frame:
-        """Take a frame's planes as views, without copying where the format allows and no row is padded.
+        """A frame with views of its planes, without copies if the format allows and no row is padded.
 
-        before: the frame before, to tell a repeated frame.
+        before: the preceding frame, to detect a repeated one.
         """
         kind = KINDS.get(image.pict_type, "")
         if self.target is not None:
@@ -72,12 +72,12 @@ class Layout:
 
     def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:
         kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
-        # Kernels are compiled for rows without gaps; a padded plane is copied, which takes less than to compile for it.
+        # Kernels are compiled for contiguous planes; copying a padded plane takes less time than compiling for it.
         return np.ascontiguousarray(np.ndarray(shape, kind, plane, 0, (plane.line_size, size)))
 
 
 def _same(one: Plane, other: Plane) -> bool:
-    """Whether two frames are equal; nearly all that are not differ in one of four rows, the rest in every 37th."""
+    """Whether two frames are equal; compares few rows first, in which nearly all different frames differ."""
     if one.shape != other.shape:
         return False
     quarter = max(len(one) // 4, 1)

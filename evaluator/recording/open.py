@@ -24,9 +24,9 @@ def open_recording(
     """Open a recording: a video file, a folder of images, or a live source.
 
     path: a file; a folder or a TIFF stack of images; "-" for a stream on standard input; a camera device (/dev/video0)
-    or an address (rtsp://…, udp://…). rate_hz: of images, or of a recording that brings no times; not used where there
-    are times. fields: whether frames are woven of two fields and which comes first; "auto" sees for itself. threads:
-    of the decoder, 0 for one per core. Raises InputError with one sentence where there is no recording.
+    or an address (rtsp://…, udp://…). rate_hz: of images, or of a recording without times; not used if there are
+    times. fields: whether frames are interlaced and which field is first; "auto" determines it from the frames.
+    threads: of the decoder, 0 for one per core. Raises InputError with one sentence if there is no recording.
     """
     name = str(path)
     if rate_hz is not None and not 0 < rate_hz < math.inf:

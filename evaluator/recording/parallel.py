@@ -1,7 +1,7 @@
 """Decoding in parallel with the processing of frames, so that FFmpeg's threads never wait for it.
 
-Where FFmpeg itself uses one core, for codecs whose frames stand each for itself (Motion JPEG), on all cores. Where
-its threads cost more than they gain, for small frames of H.264, on two by groups of frames.
+Codecs with independent frames (Motion JPEG), for which FFmpeg uses one core, are decoded on all cores. Small frames of
+H.264, for which FFmpeg's threads cost more than they gain, are decoded in groups on two cores.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ from av.codec.codec import Capabilities
 
 from evaluator.recording.groups import LONGEST, Groups, groups_of
 
-END = object()  # of a group: the decoder gives what it held back, and begins anew
-Decoded = Callable[[], list[Any]]  # gives the frames of a packet, or raises what decoding it raised
+END = object()  # end of a group: the decoder returns delayed frames, and starts again
+Decoded = Callable[[], list[Any]]  # returns the frames of a packet, or raises the error of decoding it
 
 THREADED = int(Capabilities.frame_threads | Capabilities.slice_threads)
-MOST = 6  # decoders: a tracker keeps up with no more, and each holds two frames
-AHEAD = 2  # packets a decoder is handed before its first is asked for
-# Frames ahead where there is one decoder, whose threads share its packets. With none ahead, they stand still while a
-# frame is looked at: 210 µs of decoding on two cores and 100 µs of tracking then make 290 instead of 250. More than
-# the processor's caches hold beside the frames that the codec itself keeps make all slower: of 1920 × 1080, 6 instead
-# of 2 by 100 to 170 µs a frame, where 4 gain 25 µs (twice measured, in 9 and in 16 turns).
+MOST = 6  # decoders: more are not faster than a tracker, and each holds two frames
+AHEAD = 2  # packets that a decoder gets before the first result is requested
+# Frames decoded ahead by a single decoder, whose threads share its packets. With none, the threads wait during the
+# tracking of a frame: 210 µs of decoding on two cores and 100 µs of tracking then take 290 instead of 250 µs. Too many
+# frames exceed the processor's caches: of 1920 × 1080, 6 instead of 2 take 100 to 170 µs more per frame, while 4 take
+# 25 µs less (measured twice, in 9 and in 16 rounds).
 MOST_AHEAD, AHEAD_BYTES = 6, 12_500_000
-# FFmpeg takes a thread more than there are cores. Where the tracker wants a part of two cores, as many threads as cores
-# are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 2 to 12 % at 640 × 480).
+# FFmpeg uses one thread more than there are cores. On two cores, which it shares with the tracker, as many threads as
+# cores are faster (H.264, file to marks: 6 % at 1920 × 1080, 8 % at 1280 × 720, 2 to 12 % at 640 × 480).
 FEW_CORES = 2
-# Of small frames each is handed from thread to thread for about 70 µs. Two decoders that take groups in turn do
-# without: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower beyond,
-# for a group waits in memory for its turn.
+# FFmpeg's exchange of a frame between threads takes about 70 µs. For small frames, two decoders that process groups in
+# turn avoid it: file to marks is faster by 15 to 33 % at 640 × 480, 22 % at 800 × 600, 1 % at 1024 × 768, and slower
+# beyond, because a group waits in memory.
 GROUP_DECODERS, SMALL_PX, GROUPS_AHEAD_BYTES = 2, 1024 * 768, 100_000_000
 
 
 def groups_for(stream: Any, threads: int) -> Groups | None:
-    """How to tell apart the groups that decoders may take in turn, None where they are not to. threads: 0 for any."""
+    """Detection of groups for several decoders, None if groups are not used. threads: 0 for any number."""
     context = stream.codec_context
     return groups_of(stream) if threads != 1 and context.width * context.height <= SMALL_PX else None
 
 
 def decoders_for(stream: Any, threads: int, groups: Groups | None) -> int:
-    """How many decoders a stream can have; 1 where FFmpeg's own threads do as well. threads: 0 for one per core."""
+    """Number of decoders of a stream; 1 if FFmpeg's threads are as fast. threads: 0 for one per core."""
     codec = stream.codec_context.codec
     if groups is not None:
         return GROUP_DECODERS
@@ -56,7 +56,7 @@ def decoders_for(stream: Any, threads: int, groups: Groups | None) -> int:
 
 
 def threads_for(stream: Any, threads: int, groups: Groups | None) -> int:
-    """How many threads a decoder is to have, 0 for as many as FFmpeg takes. threads: what was asked for, 0 for any."""
+    """Number of threads of a decoder, 0 for FFmpeg's default. threads: requested number, 0 for any."""
     cores = os.cpu_count() or 1
     if groups is not None:
         return 1
@@ -66,11 +66,11 @@ def threads_for(stream: Any, threads: int, groups: Groups | None) -> int:
 def decoded(
     packets: Iterable[Any], streams: list[Any], *, at_once: bool, groups: Groups | None = None
 ) -> Iterator[Decoded]:
-    """Decode packets in order; what each gives may be under way while the one before is still looked at.
+    """Decode packets in order, in parallel with the processing of earlier ones.
 
-    streams: the same stream of as many openings of one file as there are to be decoders. at_once: with one, packets are
-    decoded when they are asked for, in no thread of their own. groups: what decoders take in turn; None for packets
-    that stand each for itself. Raises what reading raises, after all that was read before.
+    streams: the same stream of a file that is opened once for each decoder. at_once: whether a single decoder decodes
+    packets on request, without a thread. groups: distributed to the decoders in turn; None for independent packets.
+    Raises errors of reading, after all packets that were read before.
     """
     if len(streams) == 1 and at_once:
         for packet in packets:
@@ -97,7 +97,7 @@ def decoded(
 
 
 def first_packets(packets: Iterator[Any], count: int) -> tuple[list[Any], Iterator[Any]]:
-    """Give the first packets, and all of them; what reading raises is raised after those that were read before."""
+    """The first packets, and an iterator over all; errors of reading are raised after packets that were read before."""
     first = list[Any]()
     try:
         first.extend(islice(packets, count))
@@ -112,8 +112,8 @@ def _raising(error: Exception) -> Iterator[Any]:
 
 
 def _ahead(context: Any, decoders: int, groups: Groups | None) -> int:
-    """How many packets are handed out before the first is asked for."""
-    size: int = max(context.width * context.height * 3 // 2, 1)  # of most recordings: 8 bits, colour of half the width
+    """Number of packets that are submitted before the first result is requested."""
+    size: int = max(context.width * context.height * 3 // 2, 1)  # of a typical recording: 8 bits, 4:2:0
     if groups is not None:
         return min(LONGEST, GROUPS_AHEAD_BYTES // size)
     if decoders > 1:
@@ -122,12 +122,12 @@ def _ahead(context: Any, decoders: int, groups: Groups | None) -> int:
 
 
 def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_Decoder]:
-    """Hand packets to the decoders in turn; gives the one that has each."""
+    """Submit packets to the decoders in turn; yield the decoder of each."""
     turns = cycle(decoders)
     for count, packet in enumerate(packets):
-        if not packet.size and len(decoders) > 1:  # the end: these codecs hold no frame back
+        if not packet.size and len(decoders) > 1:  # the end: these codecs have no delayed frames
             continue
-        if count == 0:  # tables that only the first frame brings serve all that follow
+        if count == 0:  # tables that are only in the first frame are needed for all others
             for decoder in decoders[1:]:
                 decoder.prime(packet)
         decoder = next(turns)
@@ -136,7 +136,7 @@ def _handed_out(packets: Iterable[Any], decoders: list[_Decoder]) -> Iterator[_D
 
 
 def _dealt(packets: Iterable[Any], decoders: list[_Decoder], groups: Groups) -> Iterator[_Decoder]:
-    """Hand groups to the decoders in turn; gives the one that has each packet, and that gives what it held back."""
+    """Submit groups to the decoders in turn; yield the decoder of each packet, and of delayed frames of each group."""
     turns = cycle(decoders)
     decoder = next(turns)
     for count, packet in enumerate(packets):
@@ -149,7 +149,7 @@ def _dealt(packets: Iterable[Any], decoders: list[_Decoder], groups: Groups) -> 
 
 
 class _Decoder:
-    """One decoder in a thread of its own; packets go in and frames, or what was raised, come out in order."""
+    """A decoder in a thread, which converts packets to frames, or errors, in order."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -159,23 +159,23 @@ class _Decoder:
         self._thread.start()
 
     def prime(self, packet: Any) -> None:
-        """Let the decoder see a packet that another one decodes."""
+        """Decode a packet of another decoder, for its tables."""
         self.put(packet)
         self._results.get()
 
     def put(self, packet: Any) -> None:
-        """Hand over a packet."""
+        """Submit a packet."""
         self._packets.put(packet)
 
     def get(self) -> list[Any]:
-        """Give the frames of the next packet; raises what decoding it raised."""
+        """The frames of the next packet; raises the error of decoding it."""
         result = self._results.get()
         if isinstance(result, Exception):
             raise result
         return list(result)
 
     def stop(self) -> None:
-        """End the thread; packets not yet decoded are left."""
+        """End the thread without decoding remaining packets."""
         self._stopped = True
         self._packets.put(None)
         self._thread.join()
@@ -184,7 +184,7 @@ class _Decoder:
         while (packet := self._packets.get()) is not None and not self._stopped:
             try:
                 self._results.put(self._context.decode(None if packet is END else packet))
-            except Exception as error:  # noqa: BLE001 - `get` raises it where it is waited for
+            except Exception as error:  # noqa: BLE001 - raised by `get`
                 self._results.put(error)
             if packet is END:
                 self._context.flush_buffers()

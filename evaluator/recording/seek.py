@@ -1,7 +1,7 @@
-"""Any frame of a recording by its number, exactly: the frame that iterating over the recording gives at that place.
+"""Exact access to any frame of a recording by its number, with the same result as iteration.
 
-Where the container tells the presentation time of every packet, a frame is decoded from the key frame before it and
-recognised by its time. Everything else (fields, missing times, damaged data) is decoded from the beginning.
+If the container states the presentation time of every packet, a frame is decoded from the key frame before it and
+identified by its time. All other recordings (fields, missing times, damaged data) are decoded from the beginning.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from evaluator.recording.video import STREAMED, Recording
 
 Image = NDArray[np.uint8]
 CACHE_BYTES = 160_000_000  # of decoded frames: a group of 250 at 640 x 480, two of 12 at 1920 x 1080
-AHEAD = 60  # frames: as far ahead, decoding on is as fast as seeking
+AHEAD = 60  # frames up to which decoding on is as fast as seeking
 
 
 class CannotSeekError(Exception):
-    """Frames cannot be recognised by their times; decode from the beginning."""
+    """Frames cannot be identified by their times; decode from the beginning."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What there is to show: time of every frame, s; numbers of key frames; (width, height) in px."""
+    """Contents of a recording: time of every frame, s; numbers of key frames; (width, height) in px."""
 
     time_s: tuple[float, ...]
     key_frames: tuple[int, ...]
@@ -45,7 +45,7 @@ class Contents:
 
 
 class Frames:
-    """The frames of one recording by number; decoded ones are kept up to CACHE_BYTES. Not for several threads."""
+    """The frames of one recording by number; decoded ones are cached up to CACHE_BYTES. Not thread-safe."""
 
     def __init__(self, path: Path, rate_hz: float | None = None) -> None:
         """Open a recording and list its frames. Raises InputError."""
@@ -69,12 +69,12 @@ class Frames:
         return keys[max(bisect_right(keys, index) - 1, 0)]
 
     def close(self) -> None:
-        """Close the file and forget the frames."""
+        """Close the file and clear the cache."""
         self._source.close()
         self._cache.clear()
 
     def image(self, index: int) -> Image:
-        """Frame number index, (height, width, 3) BGR. Raises InputError where there is none."""
+        """Frame number index, (height, width, 3) BGR. Raises InputError if there is none."""
         image = self._image(index)
         return self._source.to_image(image)
 
@@ -110,13 +110,13 @@ class Frames:
 
 
 class _Seeking:
-    """Frames recognised by the times that the container tells."""
+    """Frames identified by the times in the container."""
 
     def __init__(self, path: Path, rate_hz: float | None) -> None:
         self._path = path
         self._container: Any = None
         self._images: Iterator[Any] = iter(())
-        self._next = -1  # number of the frame that comes next from _images; -1: none
+        self._next = -1  # number of the next frame of _images; -1: none
         if has_no_clock(path) or not _frames_are_whole(path, rate_hz):
             raise CannotSeekError
         self._open()
@@ -138,7 +138,7 @@ class _Seeking:
             raise CannotSeekError
         self._ticks = sorted({p.pts for p in shown})
         if len(self._ticks) < len(shown):
-            raise CannotSeekError  # frames of one time: which of them counts, only decoding tells
+            raise CannotSeekError  # several frames have the same time: decoding decides which one is used
         self._numbers = {ticks: number for number, ticks in enumerate(self._ticks)}
         keys = sorted((self._numbers[p.pts], p.dts) for p in shown if p.is_keyframe)
         if not keys or keys[0][0] != 0:
@@ -159,12 +159,12 @@ class _Seeking:
         return image
 
     def close(self) -> None:
-        self._images = iter(())  # it holds what holds it: decoded frames would stay until a garbage collection
+        self._images = iter(())  # breaks a reference cycle, which would keep decoded frames until a garbage collection
         if self._container is not None:
             self._container.close()
 
     def until(self, index: int) -> Iterator[tuple[int, Any]]:
-        """Decode up to a frame, from where decoding stands or from the key frame before; gives all on the way."""
+        """Decode up to a frame, from the current position or from the key frame before; yield all frames in between."""
         keys = self.contents.key_frames
         first = bisect_right(keys, index) - 1
         ahead = index - self._next
@@ -182,13 +182,13 @@ class _Seeking:
                 return
 
     def _seek(self, first: int) -> None:
-        """Stand before a key frame, or, where the container leads past it, before an earlier one."""
+        """Seek to a key frame, or to an earlier one if the container seeks past it."""
         for place in range(first, -1, -1):
             number = self.contents.key_frames[place]
             try:
                 self._container.seek(self._seek_to[number], stream=self._stream)
                 decoded = self._container.decode(self._stream)
-                # Frames shown before the key frame lean on what was skipped.
+                # Frames shown before the key frame depend on skipped ones.
                 self._images = (p for p in decoded if p.pts is None or p.pts >= self._ticks[number])
                 head = next(self._images, None)
             except (av.error.FFmpegError, OSError) as error:
@@ -209,7 +209,7 @@ class _Seeking:
 
 
 class _Sequential:
-    """Frames in the order of the recording, decoded from its beginning whenever an earlier one is asked for."""
+    """Frames in the order of the recording, decoded from its beginning if an earlier one is requested."""
 
     def __init__(self, path: Path, rate_hz: float | None) -> None:
         self._recording: Recording | ImageSequence = open_recording(path, rate_hz=rate_hz, threads=0)
@@ -232,7 +232,7 @@ class _Sequential:
             self._frames, self._next = iter(self._recording), 0
         for frame in self._frames:
             self._next = frame.index + 1
-            if frame.index > index - AHEAD:  # those before are asked for again by a step back
+            if frame.index > index - AHEAD:  # recent frames are needed for a step back
                 yield frame.index, frame
             if frame.index == index:
                 return
@@ -248,7 +248,7 @@ class _Sequential:
 
 
 def _frames_are_whole(path: Path, rate_hz: float | None) -> bool:
-    """Whether iterating gives whole frames with times of their own, rather than fields or counted frames."""
+    """Whether iteration yields whole frames with times in the file, rather than fields or counted frames."""
     recording = open_recording(path, rate_hz=rate_hz, threads=0)
     first = next(iter(recording), None)
     return first is not None and first.row_step == 1 and not isinstance(recording, ImageSequence)

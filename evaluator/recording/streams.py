@@ -1,4 +1,4 @@
-"""Selection of the video stream of a file, and properties that only its container states."""
+"""Selection of the video stream of a file, and properties that are stated only in its container."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from evaluator.wording import counted
 
 
 def videos_of(container: Any) -> list[Any]:
-    """Video streams that FFmpeg has a decoder for, the recording first.
+    """Video streams for which FFmpeg has a decoder, the recording first.
 
-    Cameras write previews beside the recording, and programs pictures of its cover: the most pixels count, as for
-    FFmpeg's own command, and no cover.
+    Files may also contain previews and cover images: the recording is the stream with the most pixels, as in FFmpeg's
+    command, that is not a cover.
     """
     videos = [stream for stream in container.streams.video if stream.codec_context is not None]
     return sorted(videos, key=lambda stream: (_is_cover(stream), -stream.width * stream.height))
@@ -25,7 +25,7 @@ def _is_cover(stream: Any) -> bool:
 
 
 def asked_of_viewers(container: Any) -> Iterator[str]:
-    """Notes on other videos in a file, and on pixels that are not square."""
+    """Notes on other videos in a file, and on non-square pixels."""
     first, *others = videos_of(container)
     size = f"{first.width}×{first.height}"
     if others := [stream for stream in others if not _is_cover(stream)]:
@@ -39,14 +39,14 @@ def asked_of_viewers(container: Any) -> Iterator[str]:
 
 
 class Undiscarded:
-    """Packets of a stream; counts those that the file says are not to be shown, as where a phone has cut a video."""
+    """Packets of a stream; counts those that must not be shown, for example after a phone has cut a video."""
 
     def __init__(self, container: Any, stream: Any) -> None:
-        """Read nothing yet."""
+        """Nothing is read yet."""
         self._packets, self.discarded = container.demux(stream), 0
 
     def __iter__(self) -> Iterator[Any]:
-        """Pass all packets on: those that are not shown are needed to decode those that are."""
+        """All packets, because those that are not shown are needed to decode the others."""
         for packet in self._packets:
             self.discarded += packet.is_discard
             yield packet

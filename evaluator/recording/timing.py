@@ -14,7 +14,7 @@ from evaluator.wording import counted, verb
 
 @dataclass(frozen=True)
 class TimingReport:
-    """Times of a recording, summed up.
+    """Summary of the times of a recording.
 
     frames: frames decoded. first, last: presentation times, s. interval: the commonest time between frames, s
     (None below two frames). dropped: (index of the frame after the gap, number missing). duplicates: indices of
@@ -38,16 +38,16 @@ class TimingReport:
 
 
 def clock_runs(packets: Sequence[Any]) -> bool:
-    """Whether the times of the first packets of a recording tell them apart, as far as they have any."""
+    """Whether the times of the first packets of a recording, if any, are not all equal."""
     times = [packet.pts for packet in packets if packet.pts is not None]
     return len(times) < 2 or len(set(times)) > 1
 
 
 def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int | None]]:
-    """Frames with their times, those of two neighbours exchanged where the second is the earlier.
+    """Frames with their times; times of neighbours are exchanged if the second is earlier.
 
-    Decoders give frames in the order they are shown in. Where a container has no presentation times (AVI) and the
-    codec has B-frames, the times made up for them are not always in that order.
+    Decoders return frames in the order of presentation. If a container has no presentation times (AVI) and the codec
+    has B-frames, the substituted times are not always in this order.
     """
     held: tuple[Any, int | None] | None = None
     for image, ticks in timed:
@@ -75,7 +75,7 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         for index, step in enumerate(steps, start=1):
             if step >= Fraction(3, 2) * interval:
                 dropped.append((index, max(1, round(step / interval) - 1)))
-        # A gap is a whole number of intervals; anything else is a clock that truly varies.
+        # A gap is a whole number of intervals; other intervals mean that the frame rate varies.
         odd = [step for step in steps if abs(step - max(1, round(step / interval)) * interval) > 2]
         variable = len(odd) > len(steps) // 20
     said = list(notes)

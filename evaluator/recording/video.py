@@ -1,4 +1,4 @@
-"""Recordings decoded by FFmpeg (PyAV): files, and whatever else it opens."""
+"""Recordings decoded by FFmpeg (PyAV): files, devices and streams."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from evaluator.recording.streams import Undiscarded, asked_of_viewers, videos_of
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 from evaluator.wording import counted, verb
 
-# Frames looked at for torn edges: four seconds, by when a robot has moved; of large frames those that take so much
-# memory (their luma), for they are held: cameras that do not say that they weave fields have small ones.
+# Frames examined for torn edges: four seconds, in which a robot has moved. Their luma is stored, which limits the
+# number of large frames; cameras that do not mark interlaced recordings as such have small ones.
 PROBED, HELD_BYTES = 120, 100_000_000
-SLOWEST_PROGRESSIVE = 31  # interlaced cameras give 25 or 29.97 frames a second; faster ones are not looked at
-FIRST_PACKETS = 8  # packets whose times tell whether the clock of a file runs at all
-# Frames that lengths are taken to be off by: they count the last frame, and players' delays of sound and B-frames.
+SLOWEST_PROGRESSIVE = 31  # interlaced cameras record 25 or 29.97 frames a second; faster recordings are not examined
+FIRST_PACKETS = 8  # packets whose times are examined for a running clock
+# Tolerance of the stated number of frames, which may include the last frame and delays of sound and B-frames.
 LACKING = 10
-STREAMED = ("mpegts", "mpeg")  # containers whose clock starts anywhere: their times count from the first frame
+STREAMED = ("mpegts", "mpeg")  # containers whose clock starts at any time: times are relative to the first frame
 
 
 class Recording:
     """Frames in presentation order with exact times; iterate as often as needed, `report` afterwards.
 
-    Raises InputError when iterated where not a single frame can be decoded. A file that ends early or is damaged
-    gives its good frames, and `report().notes` says so.
+    Iteration raises InputError if no frame can be decoded. Of a file that is truncated or damaged, all decodable frames
+    are returned, with a note in `report().notes`.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class Recording:
         threads: int = 0,
         rate_hz: Fraction | None = None,
     ) -> None:
-        """Open once to see that there is a video in it.
+        """Open the recording to check that it contains a video.
 
-        name: a path, or an address FFmpeg understands. live: give each frame at once, and expect no second iteration.
-        rate_hz: frames a second where the recording has no times; None for the rate it names.
-        threads: of the decoder; 0: one per core; 1: none beside the caller's own.
+        name: a path, or an address for FFmpeg. live: return each frame immediately; only one iteration is possible.
+        rate_hz: frames a second if the recording has no times; None for the stated rate.
+        threads: of the decoder; 0: one per core; 1: only that of the caller.
         """
         self.name, self.live, self.fields, self._threads = name, live, fields, threads
         self._format, self._rate = format_name, rate_hz
@@ -59,8 +59,8 @@ class Recording:
         stream = videos_of(container)[0]
         self.size_px: tuple[int, int] = stream.width, stream.height
         self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
-        self.expected_frames: int = stream.frames  # 0 where the container does not say
-        # What a container says of its whole length speaks of the frames only where it holds nothing else.
+        self.expected_frames: int = stream.frames  # 0 if the container does not state it
+        # The duration of a container is that of the frames only if it contains no other streams.
         alone = container.duration is not None and len(container.streams) == 1 and not live
         self.expected_s: float | None = container.duration / av.time_base if alone else None
         self.tick: Fraction = stream.time_base
@@ -72,13 +72,13 @@ class Recording:
         self._ticks: list[int] = []
         self._duplicates: list[int] = []
         self._notes: list[str] = []
-        self._standing = 0  # frames left out
-        self._counted = False  # whether frames are counted, for want of times
+        self._standing = 0  # omitted frames
+        self._counted = False  # whether times are computed from frame numbers
         self.clock = self.tick
 
     def _open(self) -> Any:
         try:
-            # No "nobuffer" for live sources: it throws away the frames that the format was recognised from.
+            # No "nobuffer" for live sources: it drops the frames by which the format was detected.
             container = av.open(self.name, format=self._format)
         except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
             raise InputError(f"{self.name}: {str(error.strerror).lower()}") from error
@@ -99,7 +99,7 @@ class Recording:
         return container
 
     def __iter__(self) -> Iterator[Frame]:
-        """Decode; each frame's planes are views that live as long as the frame."""
+        """Decode; the planes of each frame are views that are valid as long as the frame exists."""
         self._reset()
         order, images = self.fields, self._images()
         if order == "auto":
@@ -123,7 +123,7 @@ class Recording:
             self._duplicates.append(frame.index)
 
     def _images(self) -> Iterator[Frame]:
-        """Every frame of the recording, not yet taken apart into fields."""
+        """Every frame of the recording, before the separation of fields."""
         container, self._opened = self._opened or self._open(), None
         with ExitStack() as opened:
             opened.enter_context(container)
@@ -150,9 +150,9 @@ class Recording:
         self._finish(index, 0 if last is None or origin is None else last - origin)
 
     def _under_way(self, container: Any, opened: ExitStack) -> tuple[list[Any], Iterator[Any]]:
-        """Set up decoding as is fastest for the recording; gives its first packets, and all frames."""
+        """Choose the fastest decoding for the recording; return its first packets, and an iterator over all frames."""
         stream, threads = videos_of(container)[0], self._threads
-        # Frame threads are fastest but hold back a frame a thread; a live source must not wait for them.
+        # Frame threads are fastest, but delay frames by one per thread, which is too long for a live source.
         stream.thread_type = "SLICE" if self.live else "AUTO"
         if self.live:
             stream.codec_context.thread_count = threads
@@ -167,7 +167,7 @@ class Recording:
         return first, self._decoded(packets, [stream, *(self._again(opened) for _ in again)], groups)
 
     def _field_order(self, images: Iterator[Frame]) -> tuple[Literal["none", "top", "bottom"], Iterator[Frame]]:
-        """Whether the recording is interlaced: what the file says, else what the frames show; gives all of them."""
+        """Field order of the recording as stated in the file, or determined from frames; and an iterator over all."""
         if self.live:
             return "none", images
         said, rate = self._said_order(), self.nominal_rate
@@ -190,7 +190,7 @@ class Recording:
         return field_order(first()) or said, every()
 
     def _said_order(self) -> Literal["none", "top", "bottom"]:
-        # FFmpeg's AVFieldOrder: 2 and 5 show the top field first, 3 and 4 the bottom field.
+        # FFmpeg's AVFieldOrder: 2 and 5 mean that the top field is shown first, 3 and 4 the bottom field.
         self._opened = self._opened or self._open()
         order = int(getattr(videos_of(self._opened)[0].codec_context, "field_order", 0) or 0)
         return "top" if order in {2, 5} else "bottom" if order in {3, 4} else "none"
@@ -200,11 +200,11 @@ class Recording:
         return round(1 / (rate * self.tick))
 
     def _again(self, opened: ExitStack) -> Any:
-        """Open the stream once more, until `opened` is left."""
+        """Open the stream again, until the end of `opened`."""
         return videos_of(opened.enter_context(self._open()))[0]
 
     def _decoded(self, packets: Iterator[Any], streams: list[Any], groups: Groups | None) -> Iterator[Any]:
-        """Every frame that decodes; stops, with a note, where nothing more can be read."""
+        """All decodable frames; ends with a note if reading fails."""
         results = decoded(packets, streams, at_once=self.live or self._threads == 1, groups=groups)
         given = 0
         while True:
@@ -230,7 +230,7 @@ class Recording:
                     self._notes.append(f"damaged frames are left out, the first near frame {given}")
 
     def _ticks_of(self, image: Any, count: int, *, runs: bool) -> int | None:
-        """Presentation time of a frame in ticks, None where it has none; runs: whether the recording's clock does."""
+        """Presentation time of a frame in ticks, None if it has none; runs: whether the recording's clock runs."""
         if count == 0:
             self._counted = not runs or image.pts is None
             rate = self._rate or self.nominal_rate
@@ -268,7 +268,7 @@ class Recording:
             )
 
     def report(self) -> TimingReport:
-        """Sum up the times of the frames decoded in the last iteration."""
+        """Summary of the times of the last iteration."""
         return summarise(self._ticks, self.clock, self._duplicates, self._notes)
 
 
@@ -277,7 +277,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _turned_by_viewers(image: Any) -> list[str]:
-    """What a viewer does with the frames and this package does not: their pixels are those of the sensor."""
+    """Notes on rotations by viewers that are not applied here, because pixels are those of the sensor."""
     turn = abs(round(image.rotation))
     return [f"players rotate this video by {turn}°; it is measured as recorded by the sensor"] if turn else []
 

@@ -21,7 +21,7 @@ from simulator.robot import Robot, load_robot
 
 
 def write_report(analysis: Analysis) -> None:
-    """Write report.html from an analysis with comparison (and diagnosis.json, where it is there)."""
+    """Write report.html from an analysis with comparison, and from diagnosis.json if it exists."""
     write_text(analysis.outputs.report, report_html(analysis))
 
 
@@ -72,6 +72,6 @@ def _footer(provenance: dict[str, Any]) -> str:
 
 
 def _cameras(analysis: Analysis) -> list[Path]:
-    """Calibrations that the runs with results were seen through."""
+    """Calibrations of the runs with results."""
     runs = [run for run in analysis.experiment.run if run.id not in analysis.faults]
     return list(dict.fromkeys(run.camera for run in runs if run.video and run.camera))

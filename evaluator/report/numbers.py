@@ -1,4 +1,4 @@
-"""Numbers as people read them; light to import."""
+"""Numbers as text for people; light to import."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from evaluator.turning.circular_test import Estimate, Series
 
 HYPHEN_OF_A_NUMBER = re.compile(r"(?<![\w.])-(?=[\d.])")
-UNKNOWN = "–"  # in the place of a number that is not known
+UNKNOWN = "–"  # for an unknown number
 
 
 @dataclass(frozen=True)
 class LengthUnit:
-    """The unit in which lengths are shown, and a smaller one for errors; mm, small_mm: their sizes."""
+    """The unit of lengths, and a smaller one for errors; mm, small_mm: their sizes."""
 
     name: str
     mm: float
@@ -30,35 +30,35 @@ class LengthUnit:
 
 
 MILLIMETRES, METRES = LengthUnit("mm", 1.0, "µm", 1e-3), LengthUnit("m", 1000.0, "mm", 1.0)
-METRES_FROM_MM = 100.0  # length of a robot: a few such lengths, its radii, are metres
+METRES_FROM_MM = 100.0  # length of a robot from which its radii, a few such lengths, are in metres
 
 
 def unit_for(robot_length_mm: float) -> LengthUnit:
-    """The unit in which a reader thinks of a robot of this length."""
+    """The unit of lengths for a robot of this length."""
     return METRES if robot_length_mm >= METRES_FROM_MM else MILLIMETRES
 
 
 def true_minus(text: str) -> str:
-    """Text for people: numbers in it have a minus sign in the place of a hyphen; names such as turn-33 stay."""
+    """Text for people: numbers have a minus sign instead of a hyphen; names such as turn-33 are kept."""
     return HYPHEN_OF_A_NUMBER.sub("−", text)
 
 
 def command_text(left_rpm: float, right_rpm: float) -> str:
-    """A command as people write it; a dash where there is none, as of a log that holds nothing measured."""
+    """A command as text; a dash if there is none, as for a log without phases."""
     if not (np.isfinite(left_rpm) and np.isfinite(right_rpm)):
         return UNKNOWN
     return true_minus(f"{left_rpm:.4g} / {right_rpm:.4g}")
 
 
 def number(value: float, digits: int, *, sign: bool = False) -> str:
-    """A number with a true minus sign; a dash where it is unknown."""
+    """A number with a true minus sign; a dash if it is unknown."""
     if not np.isfinite(value):
         return UNKNOWN if np.isnan(value) else "∞"
     return f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}".replace("-", "−")  # no minus before zero
 
 
 def significant(value: float, count: int = 3, *, sign: bool = False) -> str:
-    """A number with so many significant figures, zeros too and never as a power; before the point it stays whole."""
+    """A number with `count` significant figures, including zeros, without exponent; all integer digits are kept."""
     if not np.isfinite(value) or value == 0:
         return number(value, 0)
     power = int(f"{value:.{count - 1}e}".split("e")[1])  # of the rounded number: 99.97 is 100
@@ -66,7 +66,7 @@ def significant(value: float, count: int = 3, *, sign: bool = False) -> str:
 
 
 def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) -> str:
-    """Bounds as "low to high"; a dash where they are unknown."""
+    """Bounds as "low to high"; a dash if they are unknown."""
     return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
 
 
@@ -82,7 +82,7 @@ def series_row(who: str, series: Series) -> list[str]:
 
 
 def _estimate(item: Estimate) -> str:
-    """A value and its interval, with the digits that the interval leaves."""
+    """A value and its interval, with the digits that the interval supports."""
     half = (item.high - item.low) / 2
     if not np.isfinite(half):
         return UNKNOWN

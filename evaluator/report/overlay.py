@@ -1,6 +1,6 @@
 """Overlay video of the measurement, and a contact sheet of frames with doubtful marks.
 
-Everything is drawn in image px at sub-pixel precision. Drawing measures nothing.
+Everything is drawn in image px at sub-pixel precision. Nothing is measured here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
-OTHER = (120, 200, 255)  # of a mark whose name says no colour
+OTHER = (120, 200, 255)  # of a mark without a colour in its name
 CENTER, CIRCLE, INK, WARNING = (255, 90, 160), (255, 255, 255), (255, 255, 255), (255, 120, 70)
 TRAIL_FRAMES = 240  # four seconds of most recordings: longer trails hide the plate
 SHIFT = 4  # OpenCV draws to 1/16 px
@@ -35,11 +35,11 @@ SHIFT = 4  # OpenCV draws to 1/16 px
 
 @dataclass(frozen=True)
 class Drawing:
-    """What to draw besides the marks, in px; rows are those of the table of marks.
+    """Overlays other than the marks, in px; rows are those of the table of marks.
 
     center_px, nose_px, left_px: (n, 2), the robot's centre, a point ahead of it and one to its left: the axes of the
-    body. circle_px: (m, 2), the turning circle. axes_px: (3, 2), a place in the image and the tips of the plate's x and
-    y from there.
+    body. circle_px: (m, 2), the turning circle. axes_px: (3, 2), origin of the drawn axes of the plate and the tips of
+    x and y.
     """
 
     center_px: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -51,7 +51,7 @@ class Drawing:
 
 
 def mark_names(table: pd.DataFrame) -> list[str]:
-    """Marks that a table of `track` or `place_on_plate` holds."""
+    """Marks in a table of `track` or `place_on_plate`."""
     return [column.removesuffix("_x_px") for column in map(str, table) if column.endswith("_x_px")]
 
 
@@ -73,7 +73,7 @@ def write_overlay(
 ) -> None:
     """Write the recording as H.264 video with marks, trails, centre, heading, circle and time drawn on it.
 
-    table: of `track`, a row per frame of the recording. The frames keep their own presentation times.
+    table: of `track`, a row per frame of the recording. The frames keep their presentation times.
     """
     drawing = drawing or Drawing()
     with written_whole(path) as temporary, av.open(str(temporary), "w") as container:
@@ -98,7 +98,7 @@ def write_overlay(
 
 
 def _short(tick: Fraction) -> Fraction:
-    """A clock that encoders take: the recording's own unless its numbers are too long."""
+    """A clock that encoders accept: that of the recording unless its numbers are too large."""
     return tick if tick.denominator <= 1_000_000 else Fraction(1, 90_000)
 
 
@@ -135,10 +135,9 @@ def draw_frame(frame: Frame, table: pd.DataFrame, row: int, drawing: Drawing) ->
 
 
 def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: Path, most: int = 24) -> int:
-    """Write a PNG of enlarged cut-outs of the most doubtful frames; returns the number of cut-outs (none: no file).
+    """Write a PNG of enlarged cut-outs of the most doubtful frames; return the number of cut-outs (0: no file).
 
-    Doubtful: a mark is absent, or its uncertainty is far above what is usual. Neighbouring frames stand for each
-    other.
+    Doubtful: a mark is absent, or its uncertainty is unusually large. Of neighbouring frames only one is shown.
     """
     chosen = doubtful(table, most)
     if not chosen:
@@ -157,7 +156,7 @@ def write_contact_sheet(recording: Iterable[Frame], table: pd.DataFrame, path: P
 
 
 def doubtful(table: pd.DataFrame, most: int) -> list[tuple[int, str]]:
-    """Rows and marks to look at twice, the most doubtful of each stretch of frames, in the order of time."""
+    """Rows and marks to inspect, the most doubtful of each interval of frames, in order of time."""
     found: list[tuple[float, int, str]] = []
     for name in mark_names(table):
         sigma = _sigma(table, name)
@@ -177,7 +176,7 @@ def _sigma(table: pd.DataFrame, name: str) -> Array:
 
 
 def why_doubtful(table: pd.DataFrame, name: str, row: int) -> str:
-    """Why a frame is on the sheet: the reason why the mark is absent, or how uncertain it is."""
+    """The reason why a frame is doubtful: why the mark is absent, or its uncertainty."""
     sigma = _sigma(table, name)
     if not np.isfinite(sigma[row]):
         return str(table[f"{name}_status"].iloc[row])
@@ -196,7 +195,7 @@ def _wanted(
 
 
 def _tile(frame: Frame, table: pd.DataFrame, name: str) -> Image:
-    """A cut-out of 48 px around where a mark is, or was nearest in time, enlarged to 240 px."""
+    """A cut-out of 48 px around the position of a mark, the nearest in time if absent, enlarged to 240 px."""
     row = int(np.flatnonzero(table["frame"].to_numpy() == frame.index)[0])
     points = table[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float)
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -244,7 +243,7 @@ def _fixed(point: Array) -> tuple[int, int]:
 
 
 def _write(image: Image, text: str, place: tuple[int, int], size: float, color: Color) -> None:
-    """Text on a darkened strip, so that it reads on any frame."""
+    """Text on a darkened strip, readable on any frame."""
     (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, 1)
     left, bottom = place
     strip = image[max(bottom - height - 3, 0) : bottom + below + 2, max(left - 4, 0) : left + width + 4]

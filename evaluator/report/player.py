@@ -1,4 +1,4 @@
-"""Data of the trajectory player: curves thinned and rounded, frames fitted to a budget: the page stays small."""
+"""Data of the trajectory player: curves thinned and rounded, and frames within a budget, for a page of limited size."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from evaluator.report.runs import RunView, unit_of
 from evaluator.report.style import mark_lines
 from simulator.robot import Robot
 
-IMAGE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 makes a third more of it, and the page is to stay below 5 MB
+IMAGE_BUDGET_BYTES = 1_800_000  # of JPEG; base64 adds a third, and the page must stay below 5 MB
 POINT_BUDGET = 20_000  # points of all runs together, each some 60 characters
 
 
 def player_data(runs: Sequence[RunView], robot: Robot) -> str:
-    """JSON that page.js reads; safe inside a script element."""
+    """JSON for page.js; safe inside a script element."""
     points = max(40, min(240, POINT_BUDGET // max(1, len(runs))))
     thumbnails = _fitted([run.thumbnails for run in runs])
     unit, seen = unit_of(runs), {name for run in runs for name in run.mark_names}
@@ -67,7 +67,7 @@ def _rounded(values: pd.Series[float], digits: int) -> list[float | None]:
 
 
 def _fitted(thumbnails: Sequence[list[dict[str, Any]]]) -> list[list[tuple[float, str]]]:
-    """As many and as large frames per run as the budget allows: fewer before smaller."""
+    """Frames per run within the budget: their number is reduced before their size."""
     total = sum(len(item["jpeg"]) * 3 // 4 for chosen in thumbnails for item in chosen)
     every, scale = 1, 1.0
     for every, scale in ((1, 1.0), (2, 1.0), (2, 0.75), (3, 0.75), (3, 0.5), (6, 0.5)):
@@ -82,6 +82,6 @@ def _scaled(jpeg: str, scale: float) -> str:
     if scale == 1.0:
         return jpeg
     image = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None  # it was encoded by us
+    assert image is not None  # encoded by turnscope
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return base64.b64encode(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 65])[1].tobytes()).decode()

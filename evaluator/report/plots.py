@@ -1,6 +1,6 @@
 """Plots for notebooks: a run, a turn, a camera and a diagnosis on matplotlib axes.
 
-Each draws into the axes it is given, or into new ones, and returns them; millimetres of the plate frame throughout.
+Each draws into the given axes or into new ones, and returns them, in millimetres of the plate frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from evaluator.turning import Turning
     from simulator.run import Run
 
-GRID = 21  # lines of the grid of a camera's field a way
+GRID = 21  # lines of the grid of a camera's field in each direction
 
 
 def plot_run(run: Run | Poses, axes: Axes | None = None, *, label: str | None = None) -> Axes:
@@ -34,7 +34,7 @@ def plot_run(run: Run | Poses, axes: Axes | None = None, *, label: str | None = 
 
 
 def plot_turn(poses: Poses, turning: Turning, axes: Axes | None = None) -> Axes:
-    """Draw measured poses with the circle of their sustained minimum turning radius, where they turn."""
+    """Draw measured poses with the circle of their sustained minimum turning radius, if they turn."""
     axes = plot_run(poses, axes, label="path of the centre")
     if np.isfinite([turning.radius_mm, turning.center_x_mm, turning.center_y_mm]).all():
         angle, radius = np.linspace(0.0, 2.0 * np.pi, 361), abs(turning.radius_mm)
@@ -45,7 +45,7 @@ def plot_turn(poses: Poses, turning: Turning, axes: Axes | None = None) -> Axes:
 
 
 def plot_camera(camera: Camera, axes: Axes | None = None, *, height_mm: float = 6.5) -> Axes:
-    """Draw where a regular grid of the image lies on a plane above the plate: its field and distortion."""
+    """Draw a regular grid of the image on a plane above the plate: field of view and distortion."""
     axes = _axes(axes)
     width, height = camera.size_px
     across, down = np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID)
@@ -61,7 +61,7 @@ def plot_camera(camera: Camera, axes: Axes | None = None, *, height_mm: float = 
 def plot_diagnosis(content: Any, axes: Axes | None = None) -> Axes:
     """Draw the gap between measurement and model before and after a diagnosis, beside the noise floor.
 
-    content: what `evaluator.diagnose` returns, or the content of diagnosis.json. Runs held out are shown apart.
+    content: result of `evaluator.diagnose`, or the content of diagnosis.json. Held-out runs are shown separately.
     """
     axes = _axes(axes)
     gap = getattr(content, "content", content)["gap"]

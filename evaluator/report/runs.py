@@ -1,4 +1,4 @@
-"""What the report draws: the tables of an analysis and the curves of every run, read back from the output folder."""
+"""Data of the report: the tables of an analysis and the curves of every run, read from the output folder."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from simulator.robot import Robot
 
 Array = NDArray[np.float64]
 
-STRAIGHT_DEG = 1.0  # over a whole run: less cannot be seen in a figure
+STRAIGHT_DEG = 1.0  # change of heading over a run below which a turn is not visible in a figure
 
 
 @dataclass(frozen=True)
 class RunView:
     """One analysed run, or one phase of a run with a log: its row of turning.csv and of comparison.csv, and its curves.
 
-    Curves are read when they are asked for. run: id in the experiment. unit: in which its lengths are shown.
-    from_poses: its marks only stand for poses, and nobody saw them.
+    Curves are read on first use. run: id in the experiment. unit: of its lengths. from_poses: its marks were computed
+    from given poses, not observed.
     """
 
     run: str
@@ -56,7 +56,7 @@ class RunView:
 
     @property
     def difference_rpm(self) -> float:
-        """Difference of rotational frequency, as on the paper's axes: of the sizes, never negative."""
+        """Difference of rotational frequency as on the paper's axes: of the absolute values, never negative."""
         return abs(self.left_rpm - self.right_rpm)
 
     @property
@@ -66,21 +66,21 @@ class RunView:
 
     @property
     def straight(self) -> bool:
-        """Both sides are commanded alike."""
+        """Both sides have the same command."""
         return self.left_rpm == self.right_rpm
 
     @property
     def turns(self) -> bool:
-        """It turns visibly, and has a radius: a circle of many metres is a straight run to the reader."""
+        """It turns visibly and has a radius; very large circles count as straight."""
         return bool(np.isfinite(self.value("radius_mm")) and abs(self.value("turned_deg")) > STRAIGHT_DEG)
 
     @property
     def command(self) -> str:
-        """The command as people write it, with a true minus sign."""
+        """The command as text, with a true minus sign."""
         return f"{command_text(self.left_rpm, self.right_rpm)} rpm"
 
     def value(self, name: str, table: str = "turning") -> float:
-        """A number of the run's row; NaN where the table has none."""
+        """A number of the run's row; NaN if the table has none."""
         value = getattr(self, table).get(name)
         return float("nan") if value is None else float(value)
 
@@ -95,7 +95,7 @@ class RunView:
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """Marks of the robot that the run shows; corners of tags are none, and poses have none."""
+        """Observed marks of the robot, without corners of tags; none for given poses."""
         return () if self.from_poses else tuple(name for name in mark_names(self.marks) if "_corner" not in name)
 
     @cached_property
@@ -109,11 +109,11 @@ class RunView:
         return self._of_phase(pd.read_csv(self.outputs.simulated(self.run)))
 
     def _of_phase(self, table: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a table that lie within the phase; all of them where the run is one."""
+        """The rows of a table within the phase; all rows if the run has no phases."""
         begin, end = self.value("phase_start_s"), self.value("phase_stop_s")
         if not np.isfinite(begin):
             return table
-        # Tables hold nine digits of a time: a phase keeps its first and last row.
+        # Times in tables have nine digits; the tolerance keeps the first and last row of a phase.
         slack = 1e-6 * max(1.0, abs(end))
         return table[table["time_s"].between(begin - slack, end + slack)].reset_index(drop=True)
 
@@ -141,7 +141,7 @@ def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
 
 
 def unit_of(runs: Sequence[RunView]) -> LengthUnit:
-    """The unit in which lengths of some runs are shown: they are of one robot."""
+    """The unit of lengths of some runs, which are of one robot."""
     return runs[0].unit if runs else MILLIMETRES
 
 

@@ -22,13 +22,13 @@ Image = NDArray[np.uint8]
 FRAMES = 4  # shown, spread over the recording
 WIDTH = 620  # px of a frame, and of a mask beside it
 LINE = 20  # px of a line of text
-DARK, CHOSEN = 3, (120, 255, 140)  # by what the mask darkens the frame; colour of what was chosen
+DARK, CHOSEN = 3, (120, 255, 140)  # factor by which the mask darkens the frame; colour of chosen candidates
 
 
 def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings: TrackingSettings, path: Path) -> None:
-    """Write a PNG: a row for every mark in some frames, numbered blobs beside the mask of what is sought.
+    """Write a PNG: a row for every mark in some frames, numbered blobs beside the mask of the colour.
 
-    table: of `track`, for what became of the marks in these frames.
+    table: of `track`, for the status of the marks in these frames.
     """
     rows = np.unique(np.linspace(0, len(table) - 1, FRAMES + 2).astype(int)[1:-1])
     wanted = {int(table["frame"].iloc[row]): row for row in rows}
@@ -45,7 +45,7 @@ def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings
 
 
 def _in_words(seen: Seen) -> SeenInLuma:
-    """What was seen of a colour, in the form of what is seen in luma."""
+    """Candidates by colour, in the form of candidates in luma."""
     low, high = seen.hue_range_deg
     sought = f"sought: hue {low:.0f} to {high:.0f} deg, chroma above {seen.floor:.0f}; right: what has it"
     things = tuple(
@@ -66,7 +66,7 @@ def _panel(frame: Frame, seen: SeenInLuma, table: pd.DataFrame, row: int) -> Ima
     scale = WIDTH / image.shape[1]
     size = WIDTH, round(image.shape[0] * scale)
     shown = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    # The cells of the mask, where they lie in the scaled image.
+    # Positions of the cells of the mask in the scaled image.
     to_cell = np.array(
         [
             [1 / (scale * seen.cell_px[0]), 0, -seen.origin_px[0] / seen.cell_px[0]],

@@ -95,15 +95,15 @@ def _repetitions(runs: Sequence[RunView], analysis: Analysis) -> Section | None:
 
 
 def _circular_test(analysis: Analysis, robot: Robot) -> Section | None:
-    """The steady-state circular test, where turns were driven at several speeds."""
+    """The steady-state circular test, if turns were driven at several speeds."""
     try:
         return circular_test_section(circular_test_of(analysis, robot))
-    except (InputError, SimulationError):  # no turn, or one that the model does not settle on: there is no test
+    except (InputError, SimulationError):  # no turn, or one without a steady state of the model
         return None
 
 
 def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
-    """Figures 20 and 21: a forward and a backward turn of the same speeds, where there are both."""
+    """Figures 20 and 21: a forward and a backward turn of the same speeds, if there are both."""
     turning = [run for run in runs if run.turns]
     both = [run for run in turning if np.isfinite(run.value("simulated_radius_mm", "comparison"))]
     chosen = {run.backward: run for run in reversed(representative(both, len(both)))}
@@ -144,7 +144,7 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
 
 
 def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
-    """The budget of the tightest turn: of a run of its own, seen by its marks."""
+    """The budget of the tightest turn among runs without phases and with observed marks."""
     whole = {run.id for run in analysis.experiment.run if run.commands is None and run.poses is None}
     able = [run for run in turning if run.run in whole]
     if not able:

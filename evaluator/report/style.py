@@ -1,7 +1,7 @@
-"""One look for every figure: colours that follow the page (light, dark, paper), markers and lines that survive grey.
+"""Common style of all figures: colours of the page (light, dark, paper), and distinct markers and lines without colour.
 
-Colours are Okabe and Ito's (2008), told apart by every kind of colour vision; each series also has a marker and a line
-style of its own. In the SVG every colour is a CSS variable with the light colour as its fallback.
+Colours are those of Okabe and Ito (2008), distinguishable with every kind of colour vision; each series also has its
+own marker and line style. In the SVG every colour is a CSS variable with the light colour as its fallback.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ THEME = {
 
 @dataclass(frozen=True)
 class Series:
-    """How one series is drawn; filled markers are measured, open ones are not."""
+    """Style of one series; filled markers are measured, open ones are not."""
 
     color: str
     marker: str
@@ -66,7 +66,7 @@ GROUPS = (
 )  # fmt: skip
 
 STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text: it can be searched, and takes the font of the page
+    "svg.fonttype": "none",  # text is kept as text: it can be searched, and has the font of the page
     "font.family": "sans-serif",
     "font.size": 9.0,
     "text.color": INK,
@@ -99,9 +99,9 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Line:
-    """How a line is drawn, alike in figures, their legend and the player: CSS colour, width, dashes in widths.
+    """Style of a line in figures, their legend and the player: CSS colour, width, dashes in widths.
 
-    marker: "square" (open) or "dot" where points are drawn instead.
+    marker: "square" (open) or "dot" if points are drawn instead.
     """
 
     color: str
@@ -122,7 +122,7 @@ class Line:
         return " ".join(f"{part * self.width:g}" for part in self.dash) or "none"
 
 
-# Marks in their order: CSS colour and dashes; a mark whose name begins with a colour of the page has that one.
+# Marks in order: CSS colour and dashes; a mark whose name begins with a colour of the page has that colour.
 MARK_LOOKS: tuple[tuple[str, tuple[float, ...]], ...] = (
     ("green", ()),
     ("yellow", (6.4, 1.6, 1.0, 1.6)),
@@ -133,7 +133,7 @@ MARK_LOOKS: tuple[tuple[str, tuple[float, ...]], ...] = (
 
 
 def mark_lines(names: Sequence[str]) -> tuple[Line, ...]:
-    """How the paths of marks are drawn."""
+    """Styles of the paths of marks."""
     colors = {variable.removeprefix("--") for variable, _ in THEME.values()}
     lines = []
     for k, name in enumerate(names):
@@ -145,7 +145,7 @@ def mark_lines(names: Sequence[str]) -> tuple[Line, ...]:
 
 @dataclass(frozen=True)
 class Figure:
-    """A finished figure: what to see in it, its panels as inline SVG, and the numbers behind it.
+    """A finished figure: caption, panels as inline SVG, and its data.
 
     legend: lines of a legend shared by all panels, drawn by the page.
     """
@@ -159,7 +159,7 @@ class Figure:
 
     @property
     def wide(self) -> bool:
-        """Takes the whole width of the page."""
+        """Whether it takes the whole width of the page."""
         return len(self.panels) > 1
 
     @property
@@ -169,7 +169,7 @@ class Figure:
 
 
 class Drawing:
-    """A canvas while it is drawn on; `svg` holds the SVG once the `drawing` block has ended."""
+    """A canvas during drawing; `svg` contains the SVG after the end of the `drawing` block."""
 
     def __init__(self, canvas: Canvas, axes: list[Axes]) -> None:
         """Start with an empty canvas."""
@@ -182,9 +182,9 @@ class Drawing:
 def drawing(
     name: str, *, width: float = 4.7, height: float = 3.4, rows: int = 1, columns: int = 1
 ) -> Iterator[Drawing]:
-    """Draw in the style of the page; name makes the ids inside the SVG unique on it. Sizes in inches."""
+    """Draw in the style of the page; name makes the ids of the SVG unique on the page. Sizes in inches."""
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
-        canvas = Canvas(figsize=(width, height), layout="constrained")  # no pyplot: nothing global, nothing to close
+        canvas = Canvas(figsize=(width, height), layout="constrained")  # without pyplot, which has global state
         axes = canvas.subplots(rows, columns, squeeze=False)
         result = Drawing(canvas, list(axes.flat))
         yield result
@@ -193,7 +193,7 @@ def drawing(
 
 
 def _break_cut_labels(canvas: Canvas) -> None:
-    """Break titles and axis labels that would leave the canvas in two; the layout is found here, once where it can."""
+    """Break titles and axis labels that would leave the canvas into two lines; computes the layout."""
     canvas.draw_without_rendering()
     cut = [text for text in _labels(canvas) if _leaves(text, canvas)]
     for text in cut:
@@ -205,11 +205,11 @@ def _break_cut_labels(canvas: Canvas) -> None:
             lines[lines.index(longest)] = f"{longest[:middle]}\n{longest[middle + 1 :]}"
             text.set_text("\n".join(lines))
     if not cut:
-        canvas.set_layout_engine(None)  # else all would be laid out and drawn once more before it is written
+        canvas.set_layout_engine(None)  # otherwise the layout would be computed again before writing
 
 
 def _labels(canvas: Canvas) -> list[Text]:
-    """Titles and axis labels, those that say something."""
+    """Titles and axis labels that are not empty."""
     found: list[Text] = []
     for axes in canvas.axes:
         titles = [item for item in axes.get_children() if isinstance(item, Text) and item not in axes.texts]
@@ -237,14 +237,14 @@ def _themed_svg(canvas: Canvas) -> str:
 
 
 def plain_svg(svg: str) -> str:
-    """The drawing with plain colours on white, for programs that do not know the variables of the page."""
+    """The drawing with plain colours on white, for programs without support for CSS variables."""
     text = re.sub(r"var\(--[a-z]+, (#[0-9a-f]{6})\)", r"\1", svg)
     text = re.sub(r"(<svg[^>]*>)", r'\1\n<rect width="100%" height="100%" fill="white"/>', text, count=1)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + text
 
 
 def plain_numbers(axis: Axis, unit: float = 1.0) -> None:
-    """Label a logarithmic axis 1, 2, 5, 10, … in plain numbers of a unit: labels neither overlap nor need powers."""
+    """Label a logarithmic axis 1, 2, 5, 10, … in numbers of a unit, without overlaps and exponents."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     in_units(axis, unit)
     axis.set_minor_formatter(NullFormatter())

@@ -88,13 +88,13 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
 
 
 def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
-    """What `turnscope diagnose` found, in a sentence or two."""
+    """The result of `turnscope diagnose` in one or two sentences."""
     gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
     return " ".join(filter(None, (verdict_sentence(diagnosis), gap)))
 
 
 def _scale(runs: Sequence[RunView]) -> str:
-    """A warning where the marks are not as far apart as they should be: every length is then in doubt."""
+    """A warning if the distance of the marks is wrong, because all lengths are then doubtful."""
     off = 100 * (column(runs, "mark_spacing_ratio") - 1)
     if not np.isfinite(off).any() or abs(np.nanmedian(off)) < SPACING_PERCENT:
         return ""
@@ -164,7 +164,7 @@ def _speed(runs: Sequence[RunView]) -> str:
 
 
 def _radius(run: RunView) -> str:
-    """A radius with as many digits as its interval bears."""
+    """A radius with the digits that its interval supports."""
     return f"{run.value('radius_mm') / run.unit.mm:.{_digits(run)}f} {run.unit.name}"
 
 

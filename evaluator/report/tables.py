@@ -1,4 +1,4 @@
-"""Tables of a turning report: numbers as people read them, a row per run or per command."""
+"""Tables of a turning report: formatted numbers, a row per run or per command."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Column = Callable[[RunView], str]
 
 
 def command(left_rpm: float, right_rpm: float, group: str = "") -> str:
-    """A command as people write it."""
+    """A command as text."""
     return command_text(left_rpm, right_rpm) + (f" ({group})" if group else "")
 
 
 def table_of_runs(caption: str, columns: dict[str, Column], runs: Sequence[RunView]) -> Table:
-    """A row per run; columns are functions of the run, and one that is unknown for every run is left out."""
+    """A row per run; columns are functions of the run; columns that are unknown for every run are omitted."""
     cells = {head: tuple(cell(run) for run in runs) for head, cell in columns.items()}
     known = {head: column for head, column in cells.items() if set(column) != {UNKNOWN}}
     return Table(caption, tuple(known), tuple(zip(*known.values(), strict=True)))
@@ -49,7 +49,7 @@ def of_marks(unit: str, runs: Sequence[RunView], cell: Callable[[RunView, str], 
 
 
 def outline_table(runs: Sequence[RunView]) -> Table:
-    """Radii of marks, wheels and corners, where the robot turns about, and how smoothly it drives."""
+    """Radii of marks, wheels and corners, centre of rotation, and smoothness of the motion."""
     unit = unit_of(runs)
     columns: dict[str, Column] = {
         "run": lambda run: run.id,
@@ -97,7 +97,7 @@ def pooled_table(pooled: pd.DataFrame, unit: LengthUnit) -> Table:
 
 
 def standard_sentence(pooled: pd.DataFrame) -> str:
-    """What ISO 4138 requires beyond these runs, in one sentence."""
+    """Requirements of ISO 4138 that these runs do not meet, in one sentence."""
     turns = pooled[pooled["side"] != ""]
     asks = "ISO 4138 requires turns to both sides and at least three repetitions of each: "
     if (turns["note"] == "").all():

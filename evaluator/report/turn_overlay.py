@@ -13,11 +13,11 @@ from evaluator.workflow import Tracked
 
 NOSE_MM = 4.0  # just beyond the robot's front
 LEFT_MM = 2.0  # to the left wheels
-AXES, MARGIN = 0.08, 0.14  # length of the plate's axes, distance from the lower left corner: heights of the image
+AXES, MARGIN = 0.08, 0.14  # length of the plate's axes, distance from the lower left corner, in heights of the image
 
 
 def turn_drawing(tracked: Tracked) -> Drawing | None:
-    """Centre, heading and turning circle in the frames; None where no camera places two marks."""
+    """Centre, heading and turning circle in the frames; None without a camera or with fewer than two marks."""
     camera, geometry, marks = tracked.camera, tracked.geometry, tracked.marks
     if camera is None or geometry is None:
         return None
@@ -52,11 +52,11 @@ def turn_drawing(tracked: Tracked) -> Drawing | None:
 
 
 def plate_axes(camera: Camera, height_mm: float) -> np.ndarray:
-    """A place in the lower left of the image, and the tips of the plate's x and y from there, (3, 2) px."""
+    """A point in the lower left of the image, and the tips of the plate's x and y from there, (3, 2) px."""
     rows = camera.size_px[1]
     corner = np.array([MARGIN * rows, (1 - MARGIN) * rows])
     x, y = camera.plate_from_image(corner, height_mm)
-    step = 1.0  # mm: small beside all that is seen
+    step = 1.0  # mm: small relative to the field of view
     near = camera.image_from_plate(np.array([[x + step, y, height_mm], [x, y + step, height_mm]])) - corner
     tips = corner + AXES * rows * near / np.hypot(*near.T)[:, None]
     seen = np.vstack([corner, tips])

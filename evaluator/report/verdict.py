@@ -38,7 +38,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     said = content["verdict"] == "none"  # in the sentence of the verdict
     lines += [*([] if said else finding_sentences(content)), negligible_sentence(content)]
     for effect in content["effects"]:
-        # what would explain the unknown best is no more probable than that
+        # a free-form term of an unknown verdict has no probability as an effect
         share = f", probability {_probability(effect['probability'])}" if content["verdict"] == "effect" else ""
         lines.append(f"{effect['id']}{share}:")
         for name, value in effect["parameters"].items():
@@ -66,5 +66,5 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
 
 
 def _probability(value: float) -> str:
-    """A probability, never as certainty: it holds among the sets of effects that were compared."""
+    """A probability, never as certainty, because it is relative to the compared sets of effects."""
     return "above 0.999" if value > 0.999 else "below 0.001" if value < 0.001 else f"{value:.3f}"

@@ -11,7 +11,7 @@ from evaluator.report.pages.html import Section, Table
 
 Json = dict[str, Any]
 
-FAR = 2.0  # stated standard deviations from which on a preference is marked in the table
+FAR = 2.0  # stated standard deviations from which a deviation is marked in the table
 
 
 def mistake_sentences(content: Json) -> list[str]:
@@ -110,7 +110,7 @@ def _row(item: Json) -> tuple[str, ...]:
 
 
 def _tolerances(item: Json) -> float:
-    """How far a value is from what was taken as known, in standard deviations of that; 0 where it is not known."""
+    """Deviation of a value in tolerances; 0 if it is unknown."""
     taken, value = item.get("taken"), item.get("found")
     return abs(value) / taken if taken and value is not None else 0.0
 
@@ -121,5 +121,5 @@ def _found(item: Json) -> tuple[str, str, str]:
 
 
 def _unit(item: Json) -> str:
-    """The unit as it follows a number."""
+    """The unit as text after a number."""
     return "" if item.get("unit") in (None, "1") else f" {item['unit']}"

@@ -33,12 +33,12 @@ from evaluator.report.pages.html import Section, Table
 
 Json = dict[str, Any]
 
-SENTENCES = 8  # of where; the map has all
-CHANCE = 1e-3  # below this, a difference between halves is not believed to be chance
+SENTENCES = 8  # on disagreements; the map has all
+CHANCE = 1e-3  # probability below which a difference between halves is significant
 
 
 def diagnosis_sections(view: DiagnosisView | None) -> tuple[Section, ...]:
-    """Sections of a diagnosis, in the order in which a reader asks; none where none was made."""
+    """Sections of a diagnosis, most important first; none without a diagnosis."""
     if view is None:
         return ()
     content = view.content

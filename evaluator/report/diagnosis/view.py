@@ -1,4 +1,4 @@
-"""A diagnosis as the report sees it: diagnosis.json, the residuals of the runs, and whether it is up to date."""
+"""A diagnosis for the report: diagnosis.json, the residuals of the runs, and whether it is up to date."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from evaluator.workflow.results.outputs import Outputs
 
 @dataclass(frozen=True)
 class DiagnosisView:
-    """content: of diagnosis.json. pieces: of disagreement.csv, None where it is not there. outdated: see `kept`."""
+    """content: of diagnosis.json. pieces: of disagreement.csv, or None. outdated: whether inputs have changed."""
 
     content: dict[str, Any]
     pieces: pd.DataFrame | None
@@ -24,7 +24,7 @@ class DiagnosisView:
 
 
 def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView | None:
-    """The diagnosis in an output folder; None where none was made."""
+    """The diagnosis in an output folder; None without one."""
     kept = earlier_diagnosis(experiment, outputs)
     if kept is None:
         return None
@@ -32,7 +32,7 @@ def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView |
 
 
 def _pieces(path: Path) -> pd.DataFrame | None:
-    """Pieces of the runs; None where there are none, or the file is not what a diagnosis writes."""
+    """Pieces of the runs; None without a file or for a file in another format."""
     try:
         table = pd.read_csv(path, dtype={"run": str})
     except (OSError, ValueError):

@@ -110,8 +110,10 @@ def _some(runs: Sequence[str]) -> str:
 
 def unlike_sentences(content: Json) -> list[str]:
     """Sentences on runs that the model follows with friction or wheel speeds unlike the others; empty without any."""
-    told = [as_sentence(str(item["sentence"])) for item in content.get("unlike_runs") or []]
-    return ["Runs unlike the others, for example because of dirt, the battery or a wiped plate:", *told] if told else []
+    found = [as_sentence(str(item["sentence"])) for item in content.get("unlike_runs") or []]
+    return (
+        ["Runs unlike the others, for example because of dirt, the battery or a wiped plate:", *found] if found else []
+    )
 
 
 def not_tried_sentence(content: Json) -> str:
@@ -165,13 +167,13 @@ def separations_sentence(content: Json) -> str:
     apart, beyond = _known(following.get("separation_sigmas")), _known(following.get("inseparable_sigmas"))
     parts = []
     if apart:
-        told = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
-        parts.append(f"Expected separation with these further runs: {told}.")
+        listed = _listed([f"{sigmas:.1f} sigmas from {words_of(name)}" for name, sigmas in apart.items()])
+        parts.append(f"Expected separation with these further runs: {listed}.")
     if beyond:
-        told = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
+        listed = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
         parts.append(
             f"Even {following.get('most_runs', 'many')} further runs at these speeds on this plate would not "
-            f"distinguish it from {told}: inspect the robot, the plate and the wires, or drive faster."
+            f"distinguish it from {listed}: inspect the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 
@@ -222,8 +224,8 @@ def gap_sentence(content: Json) -> str:
 
     parts = " and ".join(filter(None, (change("fit", "fitted runs"), change("held_out", "held-out runs"))))
     # without an estimate of run-to-run scatter, as on open ground, the noise is the residual of the best model
-    told_apart = (content.get("noise") or {}).get("run_to_run", True)
-    noise = f"{NOISE_FLOOR if told_apart else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
+    has_scatter = (content.get("noise") or {}).get("run_to_run", True)
+    noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
     if not again:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
     if not content.get("effects") and gap["before"] == gap["after"]:

@@ -1,4 +1,4 @@
-"""Where simulation and experiment disagree, run by run."""
+"""Disagreement of simulation and experiment, run by run."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ MOST_STRETCH = 10_000.0
 
 
 def residual_vectors(calibration: Calibration) -> Figure:
-    """Residual of every dot used, from all images, drawn long enough to be seen."""
+    """Residual of every used dot from all images, magnified."""
     points = np.concatenate([view.centers_px for view in calibration.views])
     residual = np.concatenate(calibration.fit.residual_px)
     width = calibration.camera.size_px[0]
@@ -74,9 +74,9 @@ def coverage_map(calibration: Calibration, best: NextImage | None = None) -> Fig
 
 
 def plate_axes_px(camera: Camera, height_mm: float = 0.0) -> NDArray[np.float64]:
-    """Where the plate frame's axes lie in the image: ends (2, 2, 2) of the x and the y arrow, from and to, px.
+    """Axes of the plate frame in the image: ends (2, 2, 2) of the x and the y arrow, from and to, px.
 
-    They start at the origin where it is well in view, else at the middle of the image, and are a seventh of it long.
+    They start at the origin if it is well in view, otherwise at the middle of the image; length: a seventh of it.
     """
     size = np.array(camera.size_px, dtype=float)
     start = camera.image_from_plate([0.0, 0.0, height_mm])
@@ -98,7 +98,7 @@ def _draw_plate_axes(axes: Axes, camera: Camera) -> None:
 
 
 def gauge_face(calibration: Calibration) -> Figure | None:
-    """Height of the gauge's face over its mean plane; None where it was taken as flat."""
+    """Height of the gauge's face over its mean plane; None if it was assumed flat."""
     found, gauge = calibration.flatness, calibration.gauge
     if found is None or not found.used:
         return None
@@ -123,7 +123,7 @@ def gauge_face(calibration: Calibration) -> Figure | None:
 
 
 def distortion_map(camera: Camera) -> Figure:
-    """How far the lens moves each point from where a lens without distortion would show it."""
+    """Displacement of each point by lens distortion."""
     width, height = camera.size_px
     grid = np.stack(np.meshgrid(np.linspace(0, width - 1, 17), np.linspace(0, height - 1, 13)), axis=-1).reshape(-1, 2)
     normalised = (grid - camera.principal_px) / camera.focal_xy_px
@@ -158,7 +158,7 @@ def distortion_map(camera: Camera) -> Figure:
 
 
 def _stretch(largest_px: float, width_px: float) -> float:
-    """Factor that makes the longest arrow well seen, at most MOST_STRETCH: below that there is nothing to see."""
+    """Factor that makes the longest arrow visible, at most MOST_STRETCH."""
     if largest_px <= 0 or 0.02 * width_px <= largest_px <= 0.06 * width_px:
         return 1.0
     return min(_round_down(0.06 * width_px / largest_px), MOST_STRETCH)

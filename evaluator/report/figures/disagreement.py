@@ -13,7 +13,7 @@ from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS
 from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, Line, drawing
 
 MOST_PANELS = 6
-MOST_POINTS = 250  # of a panel: more hide each other, and make the page heavy
+MOST_POINTS = 250  # of a panel: more points overlap, and increase the size of the page
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade
 ON_PLATE_WORDS = " On the plate, before: triangles up, measured more than simulated; down, less."
@@ -23,12 +23,12 @@ AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
 
 
 def after_pieces(pieces: pd.DataFrame) -> pd.DataFrame:
-    """The table of pieces with what is left after the diagnosis in the place of what was there before."""
+    """The table of pieces with the residuals after the diagnosis in place of those before."""
     return pieces.drop(columns=list(QUANTITIES)).rename(columns={f"after_{name}": name for name in QUANTITIES})
 
 
 def disagreement_map(pieces: pd.DataFrame, *, after: bool = True) -> Figure:
-    """Sigmas of every quantity by everything it was asked about, before and, where there is one, after."""
+    """Significance of every tested dependence, before and, if there is a model, after the diagnosis."""
     tables = {"before": pieces} | ({"after": after_pieces(pieces)} if after else {})
     sigmas = {
         (name, item.quantity, _label(item)): item.sigmas
@@ -74,7 +74,7 @@ def _label(item: Dependence) -> str:
 
 
 def _cell(axes: Axes, x: float, y: float, sigmas: float) -> None:
-    """A shaded number; a strong shade takes the colour of the paper for its ink."""
+    """A shaded number; its text has the background colour on a dark shade."""
     shade = min(sigmas / FULL_SIGMAS, 1.0) if sigmas >= SHOWN_SIGMAS else 0.0
     if shade:
         axes.add_patch(Rectangle((x - 0.47, y - 0.44), 0.94, 0.88, fc=VERMILLION, ec="none", alpha=0.25 + 0.75 * shade))
@@ -90,7 +90,7 @@ def _cell(axes: Axes, x: float, y: float, sigmas: float) -> None:
 
 
 def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure | None:
-    """The pieces against what they depend on most, before and after; None where nothing stands out."""
+    """The pieces against the quantities on which they depend most, before and after; None if nothing is significant."""
     found = sorted(every_dependence(pieces), key=lambda item: -item.sigmas)
     chosen: dict[tuple[str, str, str], Dependence] = {}
     for item in found:
@@ -122,7 +122,7 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
 
 
 def _axis(item: Dependence) -> str:
-    """What to draw a dependence against."""
+    """The abscissa of a dependence."""
     if "heading" in item.by:
         return "heading_deg"
     if item.by == "place":

@@ -1,4 +1,4 @@
-"""What an effect does to a turn, seen from above."""
+"""Influence of an effect on a turn, seen from above."""
 
 from __future__ import annotations
 

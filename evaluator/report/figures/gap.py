@@ -19,7 +19,7 @@ HELD_OUT = "the sizes of the effects were fitted without them; which effects the
 def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:
     """Distance between simulated and measured marks, run by run, before and after; the noise floor between.
 
-    after: False where there is no model after, because nothing explains the runs.
+    after: False if no model explains the runs.
     """
     by_run: dict[str, dict[str, float | None]] = gap.get("by_run") or {}
     if not by_run:

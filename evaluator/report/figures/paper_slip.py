@@ -13,7 +13,7 @@ from simulator.slip.curves import CURVE_RATIOS
 
 COLORS = (INK, BLUE, SKY, GREEN, YELLOW, ORANGE, VERMILLION, PURPLE)
 LINES = ("-", "--", "-.", ":", "-", "--", "-.", ":")
-# Panel, its abscissa, its ordinate, what tells its curves apart, and their names.
+# Panel, its abscissa, its ordinate, the parameter of its curves, and their names.
 PANELS = (
     ("a", "slip_ratio", "longitudinal", "slip_angle_deg", "{:g}°"),
     ("b", "slip_angle_deg", "lateral", "slip_ratio", "{:g}"),

@@ -24,7 +24,7 @@ from evaluator.report.style import (
 
 
 def trajectory_figure(number: str, table: pd.DataFrame, published_mm: dict[str, float]) -> Figure:
-    """Figures 9, 10: one circle a case; published_mm: the paper's radius of each case."""
+    """Figures 9, 10: one circle per case; published_mm: the paper's radius of each case."""
     with drawing(f"figure-{number}", width=4.9, height=4.6) as canvas:
         (axes,) = canvas.axes
         for (case, run), look in zip(table.groupby("case"), GROUPS, strict=False):
@@ -82,7 +82,7 @@ def speed_figure(table: pd.DataFrame, slope: float, intercept: float) -> Figure:
 
 
 def difference_figure(table: pd.DataFrame) -> Figure:
-    """Figure 13: radius over the difference of rotational frequency, one curve a left speed."""
+    """Figure 13: radius over the difference of rotational frequency, one curve per left speed."""
     looks = (*GROUPS, Series(INK, "X", "-."))
     with drawing("figure-13") as canvas:
         (axes,) = canvas.axes

@@ -63,7 +63,7 @@ def lost_frames(runs: Sequence[RunView]) -> Figure | None:
 
 
 def camera_uncertainty(camera: Camera, height_mm: float) -> Figure:
-    """Standard uncertainty of a place on the plane of the marks, from the covariance of the camera alone."""
+    """Standard uncertainty of a position on the plane of the marks, from the covariance of the camera alone."""
     width, height = camera.size_px
     across, down = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)
     pixel = np.stack(np.meshgrid(across, down), axis=-1)

@@ -1,4 +1,4 @@
-"""Repetitions of each command about their mean, with run-to-run scatter and the uncertainty of each run."""
+"""Repetitions of each command about their mean, with the scatter between runs and the uncertainty of each run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_ROWS = 30  # more would be unreadable; the commands that scatter most are k
 
 
 def repetitions(runs: Sequence[RunView], pooled: pd.DataFrame) -> Figure | None:
-    """A row per command with at least two turns; None where nothing was repeated."""
+    """A row per command with at least two turns; None without repetitions."""
     rows = []
     for row in pooled.to_dict("records"):
         key = (str(row["group"]), row["left_rpm"], row["right_rpm"])

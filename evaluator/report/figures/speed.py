@@ -13,7 +13,7 @@ from evaluator.report.style import INK, THEORY, Figure, drawing, mark_lines
 
 
 def straight_speed(runs: Sequence[RunView], wheel_radius_mm: float) -> Figure | None:
-    """Figure 17: speeds of the marks over rotational frequency, and the theory of a wheel that does not slip."""
+    """Figure 17: speeds of the marks over rotational frequency, and theory for a wheel without slip."""
     straight = [run for run in runs if run.straight and run.left_rpm]
     if not straight:
         return None

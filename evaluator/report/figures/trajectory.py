@@ -12,11 +12,11 @@ from matplotlib.patches import Circle
 from evaluator.report.runs import RunView
 from evaluator.report.style import BLUE, INK, Figure, Line, drawing, in_units, mark_lines
 
-MOST_POINTS = 240  # of a drawn curve: below a tenth of a pixel of error on a turn that fills its panel
+MOST_POINTS = 240  # of a drawn curve: errors below a tenth of a pixel for a turn that fills its panel
 CENTRE = Line("ink", "centre", 1.8)
 SIMULATED_CENTRE = Line("vermillion", "simulated centre", 1.3, (4.0, 2.0))
 CIRCLE = Line("blue", "circle of minimum radius", 0.8)
-MOST_PANELS = 12  # more runs than that are seen in the player; on paper they would be stamps
+MOST_PANELS = 12  # further runs are shown in the player only, because panels would be too small on paper
 
 
 def legend_of(runs: Sequence[RunView]) -> tuple[Line, ...]:
@@ -62,7 +62,7 @@ def representative(runs: Sequence[RunView], most: int) -> list[RunView]:
 
 
 def thinned(table: pd.DataFrame, most: int) -> pd.DataFrame:
-    """Rows at even steps, the last one kept."""
+    """Rows at equal steps, including the last one."""
     step = max(1, -(-len(table) // most))
     rows = sorted({*range(0, len(table), step), len(table) - 1})
     return table.iloc[rows]
@@ -91,7 +91,7 @@ def _panel(axes: Axes, run: RunView) -> None:
 
 
 def _frame(axes: Axes, run: RunView, marks: pd.DataFrame, poses: pd.DataFrame) -> None:
-    """A square view of the trajectories; of the whole circle only where it is not much larger than they are."""
+    """A square view of the trajectories, and of the whole circle if it is not much larger."""
     drawn = [[*(marks[f"{name}_{axis}_mm"] for name in run.mark_names), poses[f"{axis}_mm"]] for axis in "xy"]
     low = np.array([min(curve.min() for curve in curves) for curves in drawn])
     high = np.array([max(curve.max() for curve in curves) for curves in drawn])

@@ -17,10 +17,10 @@ from evaluator.report.style import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION, Fi
 from simulator.robot import Robot
 from simulator.steady import SteadyTurn
 
-# Of the paper's robot, a cube of 5 mm; of another, in proportion.
+# Sizes for the paper's robot, a cube of 5 mm; for others in proportion.
 PAPER_BODY_MM = 5.0
 WHEEL_LENGTH_MM = 1.0  # along the axle: 0.75 mm of magnet and two yokes of 0.125 mm
-LONGEST_ARROW_MM = 2.4  # the largest force is drawn this long; the scale bar says what a length means
+LONGEST_ARROW_MM = 2.4  # length of the largest force; the scale is given by the scale bar
 LONGEST_VELOCITY_MM = 1.6
 ROLLS_FREELY = " The driven wheels roll freely, so their friction is lateral alone."
 
@@ -30,7 +30,7 @@ def wheel_states_figure(name: str, title: str, robot: Robot, turn: SteadyTurn) -
     unit, wheels = unit_for(robot.body.length_mm), turn.wheels
     force_unit, force_mN = ("N", 1000.0) if unit is METRES else ("mN", 1.0)
     place = robot.wheel_positions_mm()
-    drawn = PAPER_BODY_MM / max(robot.body.length_mm, robot.body.width_mm)  # all is drawn in the size of that cube
+    drawn = PAPER_BODY_MM / max(robot.body.length_mm, robot.body.width_mm)  # drawn at the size of that cube
     along, across = wheels.longitudinal_force_mN, wheels.lateral_force_mN
     velocity = np.array([turn.u_mm_s, turn.v_mm_s]) + turn.yaw_rate_rad_s * np.stack([-place[:, 1], place[:, 0]], 1)
     table = pd.DataFrame(

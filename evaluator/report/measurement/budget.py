@@ -11,8 +11,8 @@ from evaluator.report.runs import RunView
 from evaluator.report.style import BLUE, ORANGE, Figure, drawing
 from evaluator.turning.budget import Budget, Contribution
 
-LEAST_PERCENT = 1e-4  # shorter bars are as good as nothing
-LEAST_DEG = 1e-6  # less is the rounding of a subtraction
+LEAST_PERCENT = 1e-4  # shorter bars are not visible
+LEAST_DEG = 1e-6  # smaller values are rounding errors
 
 
 def budget_section(run: RunView, budget: Budget) -> Section:

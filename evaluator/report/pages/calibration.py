@@ -35,7 +35,7 @@ FACES = {0: "flat", QUADRATIC: "bent, second order", TERMS: "bent, third order"}
 def write_calibration_page(
     calibration: Calibration, verdict: Verdict, advice: Advice, path: Path, tolerance_um: float
 ) -> None:
-    """Write the page as one HTML file. tolerance_um: 95 % half width asked of a coordinate at mark height."""
+    """Write the page as one HTML file. tolerance_um: required 95 % half width of a coordinate at mark height."""
     camera = calibration.camera
     good = measurement_range(camera, verdict.mark_height_mm, tolerance_um)
     range_sentence = (
@@ -83,7 +83,7 @@ def _fit_figures(calibration: Calibration) -> tuple[Figure, ...]:
 
 
 def measurement_range(camera: Camera, height_mm: float, tolerance_um: float) -> float:
-    """Share of the image in which both coordinates are known to the tolerance (95 %), from the calibration alone."""
+    """Share of the image in which both coordinates are within the tolerance (95 %), from the calibration alone."""
     width, height = camera.size_px
     points = np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1)
     sigma = np.sqrt(np.einsum("...ii->...i", camera.plate_covariance(points, height_mm)))
@@ -132,7 +132,7 @@ def _sentence(text: str) -> str:
 
 
 def write_plate_axes(image: NDArray[np.generic], camera: Camera, path: Path) -> None:
-    """Write the image with x (red) and y (green) of the plate frame as the camera of camera.json has them."""
+    """Write the image with x (red) and y (green) of the plate frame of camera.json."""
     shown, unit = _shown(image)
     ends = plate_axes_px(camera)
     if np.isfinite(ends).all():

@@ -18,7 +18,7 @@ CAPTION = (
 
 
 def circular_test_section(found: CircularResult) -> Section | None:
-    """The section of a circular test; None where no command and no radius was driven at three speeds."""
+    """The section of a circular test; None if no command and no radius was driven at three speeds."""
     if found.measured is None or not found.measured.series:
         return None
     rows = [
@@ -37,7 +37,7 @@ def circular_test_section(found: CircularResult) -> Section | None:
 
 
 def _figure(found: CircularResult) -> Figure:
-    """Radius over that of slow turns, and sideslip at the centre, over lateral acceleration."""
+    """Radius relative to slow turns, and sideslip at the centre, over lateral acceleration."""
     assert found.measured is not None
     sides = (("measured", MEASURED, found.measured), ("simulated", SIMULATED, found.simulated))
     with drawing("circular-test", width=7.2, columns=2) as canvas:

@@ -20,10 +20,10 @@ from simulator.robot import Robot, load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 
-ROBOT, OF_GROUND = "barrel", "four_driven"  # on a plate, effects of open ground hardly show
+ROBOT, OF_GROUND = "barrel", "four_driven"  # effects of open ground have little influence on a plate
 LEFT_RPM, RIGHT_RPM, DURATION_S = 33.3, 14.4, 6.0  # the turn of the paper's Figure 19
 FRAMES_PER_S = 30
-RUN_INDEX = 10  # of what changes from run to run, the eleventh run is drawn
+RUN_INDEX = 10  # for effects that change from run to run, the eleventh run is drawn
 SUMMARY = (
     f"Each drawing: measured path of the centre of the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for "
     f"{DURATION_S:g} s, without and with the effect. For effects of open ground: the {OF_GROUND} robot of 50 kg."
@@ -48,7 +48,7 @@ def effects_page() -> str:
 
 
 def parameter_rows(effect: Effect) -> tuple[tuple[str, str, str, str, str], ...]:
-    """Name, unit, value that holds if none is given, and bounds of a fit of every parameter, as text."""
+    """Name, unit, default and bounds of a fit of every parameter, as text."""
     return tuple(
         (item.name, item.unit or "–", f"{item.absent:g}", bound_text(item.low), bound_text(item.high))
         for item in effect.parameters
@@ -87,7 +87,7 @@ def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:
 
 
 def _measured(robot: Robot, stated: Robot) -> pd.DataFrame:
-    """time_s, x_mm, y_mm of the centre of a robot as read from its marks, which are taken to sit where stated says."""
+    """time_s, x_mm, y_mm of the centre of a robot as measured by its marks, with the mark positions of stated."""
     times = np.arange(round(1.25 * DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S  # a wrong clock may read less
     run = simulate(robot, Command.constant(LEFT_RPM, RIGHT_RPM), times, State(0.0, 0.0, 0.0), RUN_INDEX)
     marks = marks_of_run(robot, run)

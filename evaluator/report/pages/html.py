@@ -12,14 +12,14 @@ from markupsafe import Markup, escape
 from evaluator.report.style import THEME, Figure, Line
 from evaluator.report.summary import Number
 
-# No line ends between a number and its unit, nor within a command such as −33.3 / −14.4 rpm.
+# No line break between a number and its unit, nor within a command such as −33.3 / −14.4 rpm.
 HELD_TOGETHER = re.compile(r"(?<=\d) (?=(?:%|(?:°|mm|µm|px|rpm|deg|s|mN|1/m)(?![\w]))|/ [−\d])|(?<=\d /) (?=[−\d])")
 CODE = re.compile(r"`([^`\n]+)`")
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page; cells are text. words: cells hold sentences, which are broken into lines."""
+    """A table of the page; cells are text. words: cells contain sentences, which are broken into lines."""
 
     caption: str
     head: tuple[str, ...]
@@ -41,7 +41,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """Everything the template shows."""
+    """Content of the template."""
 
     kind: str
     title: str
@@ -56,14 +56,14 @@ class Page:
 
 
 def page_html(page: Page) -> str:
-    """The page as text, its style and script inside."""
+    """The page as text, including style and script."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["prose"] = prose
     return environment.from_string(_resource("page.html")).render(page=page, css=_css(), script=_resource("page.js"))
 
 
 def prose(text: str) -> Markup:
-    """Text for people as HTML: what stands between backticks as code, numbers on one line with their units."""
+    """Text for people as HTML: text between backticks as code, numbers on one line with their units."""
     return Markup(HELD_TOGETHER.sub("\u00a0", CODE.sub(r"<code>\1</code>", str(escape(text)))))  # noqa: S704 - escaped
 
 

@@ -35,7 +35,7 @@ from simulator.slip.curves import slip_curves
 
 @dataclass(frozen=True)
 class Paper:
-    """Everything that was recomputed."""
+    """Recomputed figures, checks and readings."""
 
     figures: tuple[Figure, ...]
     checks: tuple[Check, ...]
@@ -43,7 +43,7 @@ class Paper:
 
 
 def recompute(progress: Progress) -> Paper:
-    """Compute and draw all; progress is told after every part."""
+    """Compute and draw all; progress is called after every part."""
     parts: list[Callable[[], list[Figure]]] = [_slip_figures, _attraction_figures, _magnetic_figures, _wheel_figures]
     figures: list[Figure] = []
     for done, part in enumerate(parts):
@@ -162,7 +162,7 @@ def _summary(paper: Paper) -> tuple[str, ...]:
 
 
 def summary_lines(checks: tuple[Check, ...]) -> list[str]:
-    """How many rows are worth what, and every row that is not reproduced."""
+    """Number of rows by verdict, and all rows that are not reproduced."""
     count = Counter(check.standing for check in checks)
     near = sum(check.standing == COMPUTED and check.verdict == CLOSE for check in checks)
     worth = (

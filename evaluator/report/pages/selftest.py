@@ -27,7 +27,7 @@ def outcome_rows(found: SelfTest) -> list[tuple[str, ...]]:
 
 
 def sentence_of(found: SelfTest) -> str:
-    """What came of it."""
+    """The result in one sentence."""
     failed = sum(not outcome.holds for outcome in found.outcomes)
     seconds = sum(found.seconds.values())
     if not failed:

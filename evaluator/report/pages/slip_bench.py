@@ -29,7 +29,7 @@ def fit_rows(fit: SlipFit) -> list[tuple[str, ...]]:
 
 
 def fit_sentences(fit: SlipFit, forces: pd.DataFrame) -> tuple[str, ...]:
-    """What the reader must know of the fit."""
+    """Notes on the fit."""
     wheel, disk = fit.torque_sigma_mN_mm
     source = "as the recording states" if fit.sigmas_given else "estimated from the residuals"
     sigmas = f"{wheel:.3g} mN·mm (wheel) and {disk:.3g} mN·mm (disk)"

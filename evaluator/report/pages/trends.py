@@ -23,7 +23,7 @@ TITLES = {"radius": "Turning radius", "speed": "Speed"}
 
 
 def change_sentences(found: Trends) -> tuple[str, ...]:
-    """What changed, in the order of the series; one sentence where nothing did."""
+    """Changes in the order of the series; one sentence if there are none."""
     sentences = [
         as_sentence(f"{series.name}: {_sentence(found, series, change)}")
         for series in found.series
@@ -69,7 +69,7 @@ def _sections(found: Trends) -> list[Section]:
 
 
 def _kind(series: Series) -> str:
-    """The quantity of a series, or the effect whose size it is."""
+    """The quantity of a series, or its effect if it is a size."""
     return next((kind for kind, name in TOGETHER.items() if name == series.name), series.name.split(",")[0])
 
 
@@ -105,7 +105,7 @@ def _figure(found: Trends, series: Series) -> Figure:
 
 
 def _levels(axes: Axes, series: Series, count: int) -> None:
-    """Bands of the levels between changes, and a line where one begins."""
+    """Bands of the levels between changes, and lines at the changes."""
     edges = [0, *(change.at for change in series.changes), count]
     means = [series.changes[0].before, *(change.after for change in series.changes)] if series.changes else []
     for start, stop, mean in zip(edges, edges[1:], means, strict=False):

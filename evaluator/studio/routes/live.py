@@ -44,8 +44,8 @@ def sources(studio: Studio, asked: Asked) -> Json:
 def look(studio: Studio, asked: Asked) -> Response:
     """The current frame: length of the JSON as 4 bytes (big-endian), JSON of the dots, JPEG."""
     shown, found = studio.live.look(_source(studio, asked.query))
-    told = json.dumps(plain(found)).encode()
-    return Response(len(told).to_bytes(4, "big") + told + shown, media_type="application/octet-stream")
+    described = json.dumps(plain(found)).encode()
+    return Response(len(described).to_bytes(4, "big") + described + shown, media_type="application/octet-stream")
 
 
 def close(studio: Studio, asked: Asked) -> Json:
