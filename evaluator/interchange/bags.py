@@ -1,10 +1,10 @@
 """Recordings of ROS: commands and poses from topics of an MCAP file, a rosbag2 folder or a rosbag1 file.
 
     [commands]                        # of experiment.toml, or one [run.topics] for a run by itself
-    topic = "/cmd_vel"                # what the motors were told
-    wheel_radius_m = 0.165            # of a velocity command: what the robot's controller takes the wheels to be
+    topic = "/cmd_vel"                # commands of the motors
+    wheel_radius_m = 0.165            # of a velocity command: dimensions in the robot's controller
     track_m = 0.555
-    poses_topic = "/odom"             # where the robot was
+    poses_topic = "/odom"             # poses of the robot
 
 A command is a velocity (geometry_msgs Twist or TwistStamped), the joint velocities of the wheels (sensor_msgs
 JointState: left_joint and right_joint name theirs, or lists of them, of which the mean counts), or two numbers, left
@@ -47,14 +47,14 @@ class Topics(BaseModel):
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is that of a recording of ROS, by its ending; a folder, by what it holds."""
+    """Whether a path is that of a recording of ROS, by its suffix, or by the content of a folder."""
     return path.suffix.lower() in BAGS or (path / METADATA).is_file()
 
 
 def read_commands(path: Path, topics: Topics) -> tuple[Array, Array]:
-    """Times (n,), s, and what the left and the right wheels were told (n, 2), rad/s, by the clock of the bag.
+    """Times (n,), s, by the clock of the bag, and commanded speeds of the left and right wheels (n, 2), rad/s.
 
-    Raises InputError for a topic that is not there, or of which the wheels' speeds cannot be told.
+    Raises InputError for a missing topic, or one that does not determine the wheel speeds.
     """
     rows = []
     for kind, at_s, message in _messages(path, topics.topic, COMMANDS, "topic"):
@@ -77,7 +77,7 @@ def read_trajectory(path: Path, topics: Topics) -> tuple[Array, Array, Array]:
 
 
 def _messages(path: Path, topic: str | None, known: dict[str, Any], key: str) -> Iterator[tuple[str, float, Any]]:
-    """Kind, time and content of every message of a topic. Raises InputError where there are none."""
+    """Kind, time and content of every message of a topic. Raises InputError if there are none."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
@@ -104,7 +104,7 @@ def _messages(path: Path, topic: str | None, known: dict[str, Any], key: str) ->
 
 
 def _chosen(path: Path, topic: str | None, kinds: dict[str, str], known: dict[str, Any], key: str) -> str:
-    """The topic that is stated, or the only one of a kind that is known. Raises InputError."""
+    """The stated topic, or the only one of a supported kind. Raises InputError."""
     able = [name for name, kind in kinds.items() if kind in known]
     listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(able)) or "none"
     if topic is None:
@@ -164,7 +164,7 @@ def _pose(stated: Any) -> tuple[Array, Array]:
     heading = np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
     covariance = np.full((3, 3), np.nan)
     full = np.array(getattr(stated, "covariance", ()), dtype=float).reshape(-1)
-    if len(full) == 36 and full[0] > 0:  # zeros, or -1 first: not known, say the definitions of these messages
+    if len(full) == 36 and full[0] > 0:  # zeros, or -1 first, mean unknown by the definitions of these messages
         covariance = full.reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
     return np.array([at.x, at.y, heading], dtype=float), covariance
 

@@ -18,7 +18,7 @@ class RunCommand:
     """Command of a run over the time of its recording.
 
     starts_at_rest: whether the robot rests when its motors are first switched on. logged: whether the command comes
-    from a log, so that the run may hold several phases.
+    from a log, so that the run may contain several phases.
     """
 
     command: Command
@@ -65,7 +65,7 @@ def from_log(
 ) -> RunCommand:
     """The commands of a log or a bag whose clock reads 0 at zero_s of the recording.
 
-    topics: of a bag; their wheels and track serve a table of velocities, too. Raises InputError that names the file.
+    topics: of a bag; their wheels and track are also used for a table of velocities. Raises InputError with the file.
     """
 
     def read(file: Path) -> Command:

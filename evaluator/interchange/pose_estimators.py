@@ -99,7 +99,7 @@ def _deeplabcut_table(path: Path, group: Any, said: FileHints) -> NamedPoints:
 
 
 class _PlainUnpickler(pickle.Unpickler):
-    """Reads lists, tuples, strings and numbers, and nothing that could run."""
+    """Reads lists, tuples, strings and numbers, and no executable objects."""
 
     def find_class(self, module_name: str, global_name: str, /) -> NoReturn:
         raise pickle.UnpicklingError(f"{module_name}.{global_name} is no list of names")
@@ -129,14 +129,14 @@ def _likely(
 
 
 def _read_movement(path: Path, said: FileHints) -> NamedPoints:
-    """A movement dataset: position over time, space, keypoints, individuals; confidence where there is one."""
+    """A movement dataset: position over time, space, keypoints, individuals; confidence if there is one."""
     try:
         import xarray as xr
     except ImportError as error:
         raise InputError(f"{path}: netCDF needs xarray: pip install 'turnscope[netcdf]'") from error
 
     try:
-        # By name: what xarray chooses by itself depends on what else is installed.
+        # By name, because the default of xarray depends on installed packages.
         with path.open("rb") as file:
             engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
         with xr.open_dataset(path, engine=engine) as opened:

@@ -2,11 +2,11 @@
 
 A CSV with time, x, y and heading (units by suffix: `time_s` or `time_ns`, `x_mm` or `x_m`, `heading_deg` or
 `heading_rad`; instead of a heading a quaternion `qx`, `qy`, `qz`, `qw`; standard uncertainties `x_sigma_mm`,
-`heading_sigma_rad`, …, and `xy_cov_mm2` where they are known), a trajectory in TUM's format (`timestamp x y z qx qy qz
-qw`, m) or the ground truth of EuRoC (ns, m): what evo reads; or a recording of ROS (bags).
+`heading_sigma_rad`, …, and `xy_cov_mm2` if they are known), a trajectory in TUM's format (`timestamp x y z qx qy qz
+qw`, m) or the ground truth of EuRoC (ns, m), as read by evo; or a recording of ROS (bags).
 
 A sensor that is sampled faster than it measures repeats its last value. Such a file is recognised by values that
-repeat in the midst of motion; every repeat is dropped, and a value counts at the time at which it first appears.
+repeat during motion; all repetitions are dropped, so that a value has the time of its first occurrence.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
 QUATERNION = ("qx", "qy", "qz", "qw")
 TUM_COLUMNS = 8
-# Clocks that count from 1970 or from the start of a computer: the recording then begins at nought.
+# Larger times are those of clocks that count from 1970 or from the start of a computer; they are shifted to begin at 0.
 LARGEST_CLOCK_S = 1e6
-# Groups of equal values in the midst of others: that many are no coincidence.
+# Number of groups of equal values among others from which they are not a coincidence.
 HELD_SHARE, FEWEST_HELD = 0.05, 3
-NEIGHBOURS = 9  # poses through which a parabola in time is drawn: motion is smooth over that many, noise is not
-MEDIAN_OF_CHI2 = {6: 5.348}  # freedom of NEIGHBOURS poses about a parabola
-LEAST_SIGMA_MM, LEAST_SIGMA_RAD = 1e-6, 1e-8  # poses without noise, of a simulation
+NEIGHBOURS = 9  # poses to which a parabola in time is fitted: motion is smooth over this number, noise is not
+MEDIAN_OF_CHI2 = {6: 5.348}  # by degrees of freedom of NEIGHBOURS poses about a parabola
+LEAST_SIGMA_MM, LEAST_SIGMA_RAD = 1e-6, 1e-8  # for simulated poses without noise
 
 
 @dataclass(frozen=True)
 class PoseTable:
-    """Poses read from a file, and how many repeated ones were dropped.
+    """Poses of a file, and the number of dropped repetitions.
 
-    table: time_s, x_mm, y_mm, heading_deg, x_sigma_mm, y_sigma_mm, heading_sigma_deg, xy_cov_mm2; NaN where there is
-    no pose. zero_s: reading of the file's clock at time 0. noise_stated: whether the file says its uncertainty.
+    table: time_s, x_mm, y_mm, heading_deg, x_sigma_mm, y_sigma_mm, heading_sigma_deg, xy_cov_mm2; NaN if there is no
+    pose. zero_s: reading of the file's clock at time 0. noise_stated: whether the file states its uncertainty.
     """
 
     table: pd.DataFrame
@@ -76,7 +76,7 @@ def read_poses(path: Path, topics: Topics | None = None) -> PoseTable:
 
 
 def holds_poses(path: Path) -> bool:
-    """Whether a file holds poses, by its first lines; a file that cannot be read holds none."""
+    """Whether a file contains poses, by its first lines; False for a file that cannot be read."""
     if is_bag(path):
         return True
     try:
@@ -113,7 +113,7 @@ def _read(path: Path, topics: Topics) -> PoseTable:
 
 
 def _as_stated(path: Path, topics: Topics) -> pd.DataFrame:
-    """The columns of a PoseTable that a file or a bag has, times by its own clock."""
+    """The columns of a PoseTable that a file or a bag has, with times of its clock."""
     return _of_bag(path, topics) if is_bag(path) else _columns(path)
 
 
@@ -123,10 +123,10 @@ def _zero_s(time_s: Array) -> float:
 
 
 def held(values: Array) -> NDArray[np.bool_]:
-    """Rows (n,) of values (n, k) that repeat the one before, where the file holds values in the midst of motion.
+    """Rows (n,) of values (n, k) that repeat the one before, if the file repeats values during motion.
 
-    A robot at rest gives equal poses too, where they have no noise: one long group or a few. A held value gives many
-    groups.
+    A robot at rest has equal poses, too, if they have no noise: one long group or a few. Repeated values of a sensor
+    form many groups.
     """
     repeats = np.r_[False, (values[1:] == values[:-1]).all(axis=1)]
     starts = np.flatnonzero(~repeats)
@@ -140,7 +140,7 @@ def _columns(path: Path) -> pd.DataFrame:
     said = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     if said and _is_numbers(said[0], None, TUM_COLUMNS):
         return _from_quaternions(_numbers(path, said, None), 1.0, (4, 5, 6, 7))
-    if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and what follows
+    if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and further columns
         return _from_quaternions(_numbers(path, said, ","), SECONDS["ns"], (5, 6, 7, 4))
     return _from_csv(path)
 
@@ -154,7 +154,7 @@ def _of_bag(path: Path, topics: Topics) -> pd.DataFrame:
         "heading_deg": np.degrees(pose[:, 2]),
     }
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    if (sigma > 0).all():  # where some are not known, none counts: the poses show their noise
+    if (sigma > 0).all():  # if some are unknown, the noise is estimated from the poses
         found |= {"x_sigma_mm": MM_PER["m"] * sigma[:, 0], "y_sigma_mm": MM_PER["m"] * sigma[:, 1]}
         found |= {"heading_sigma_deg": np.degrees(sigma[:, 2]), "xy_cov_mm2": MM_PER["m"] ** 2 * covariance[:, 0, 1]}
     return pd.DataFrame(found)
@@ -221,7 +221,7 @@ def _from_csv(path: Path) -> pd.DataFrame:
 def _take(
     path: Path, table: pd.DataFrame, name: str, units: dict[str, float], wanted: str, found: dict[str, Array]
 ) -> None:
-    """Put a column, whatever its unit, into found under the unit wanted."""
+    """Add a column to found, converted to the wanted unit."""
     there = [unit for unit in units if f"{name}_{unit}" in table]
     if len(there) > 1:
         raise InputError(f"{path}: {' and '.join(f'{name}_{unit}' for unit in there)}; keep one of them")
@@ -239,7 +239,7 @@ def _column(path: Path, table: pd.DataFrame, name: str) -> Array:
 
 
 def _with_noise(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with the noise that its poses show: one size for both coordinates, one for the heading."""
+    """The table with noise estimated from its poses: one value for both coordinates, one for the heading."""
     there = table[["x_mm", "y_mm", "heading_deg"]].notna().all(axis=1).to_numpy()
     time = table["time_s"].to_numpy(float)[there]
     x, y = (table[name].to_numpy(float)[there] for name in ("x_mm", "y_mm"))
@@ -253,7 +253,7 @@ def _with_noise(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def scatter(time_s: Array, values: Array) -> float:
-    """Standard deviation of the noise of values (n,): about parabolas in time through neighbours, by the median."""
+    """Standard deviation of the noise of values (n,): the median about parabolas in time fitted to neighbours."""
     if len(values) < NEIGHBOURS:
         return 0.0
     windows = np.lib.stride_tricks.sliding_window_view
@@ -285,7 +285,7 @@ def poses_of(table: pd.DataFrame) -> Poses:
 
 
 def with_marks(table: pd.DataFrame, geometry: MarkGeometry) -> pd.DataFrame:
-    """The table with the marks of a robot where its poses put them, for all that works from marks."""
+    """The table with the marks of a robot computed from its poses, for functions that use marks."""
     x, y, heading = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "heading_deg"))
     result = table.copy()
     for name, place in geometry.places_mm.items():

@@ -36,7 +36,7 @@ def read_tracker_text(path: Path, said: FileHints) -> NamedPoints:
 
 
 def read_project(path: Path, said: FileHints) -> NamedPoints:
-    """A project of OSP Tracker itself: on its own coordinate system, or in px where [tracks] says so."""
+    """A project of OSP Tracker: in its coordinate system, or in px if [tracks] states so."""
     from evaluator.interchange.tracker_project import Project
 
     project = Project(path)
@@ -44,20 +44,20 @@ def read_project(path: Path, said: FileHints) -> NamedPoints:
     points = {}
     for name, places in project.points_px.items():
         place = np.array([places.get(int(frame), (np.nan, np.nan)) for frame in frames]).reshape(-1, 2)
-        # Tracker counts px from the corner of the image, others from the centre of the first pixel.
+        # The origin of px is the corner of the image in Tracker, elsewhere the centre of the first pixel.
         points[name] = place - 0.5 if said.unit == "px" or not len(place) else project.on_plate(frames, place)
     return NamedPoints(project.times_s(frames, said.rate_hz), points)
 
 
 def project_unit(path: Path) -> str:
-    """Unit of length that a project names itself."""
+    """Unit of length that a project states."""
     from evaluator.interchange.tracker_project import Project
 
     return Project(path).length_unit
 
 
 def delimiter_of(line: str) -> str | None:
-    """Delimiter of a line; None for blanks, where names hold none."""
+    """Delimiter of a line; None for blanks, if names contain none."""
     return next((mark for mark in "\t;,|" if mark in line), None)
 
 
@@ -67,13 +67,13 @@ def cells_of(line: str, delimiter: str | None) -> list[str]:
 
 
 def plain_name(name: str) -> str:
-    """Name of a track as the text has it: Tracker writes "mass A" as mass_A."""
+    """Name of a track in a text file: Tracker writes "mass A" as mass_A."""
     return name.strip().lstrip("#").replace(" ", "_")
 
 
 def _numbers(path: Path, number: int, line: str, delimiter: str | None) -> list[float]:
     try:
-        # Where the delimiter is not a comma, a comma is the decimal sign of the computer that wrote the file.
+        # If the delimiter is not a comma, a comma is the decimal separator of the computer that wrote the file.
         plain = line if delimiter == "," else line.replace(",", ".")
         return [float(cell) if cell else np.nan for cell in cells_of(plain, delimiter)]
     except ValueError as error:

@@ -1,7 +1,7 @@
-"""Projects of OSP Tracker: .trk (XML) and .trz (a zip that holds one), with their origin, scale and frame times.
+"""Projects of OSP Tracker: .trk (XML) and .trz (a zip with a .trk), with their origin, scale and frame times.
 
-Points stand there in px of the image, y down. The coordinate system of the project (origin, angle of its x axis
-counter-clockwise, px per unit of length) takes them to the plate.
+Points are stored in px of the image, y down. The coordinate system of the project (origin, angle of its x axis
+counter-clockwise, px per unit of length) transforms them to the plate.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 
 Array = NDArray[np.float64]
-LARGEST_BYTES = 500_000_000  # of XML: days of marks by hand; a zip may unpack to anything
+LARGEST_BYTES = 500_000_000  # of XML: days of manual marks; limits the size of an unpacked zip
 TO_DO = "save the project in Tracker again, or export its tables as text"
 
 
 class Project:
-    """A Tracker project: length_unit as it stands there, else ""; tracks by name."""
+    """A Tracker project: length_unit as stated, else ""; tracks by name."""
 
     def __init__(self, path: Path) -> None:
         """Read a .trk or .trz. Raises InputError for a file that is neither."""
         self.path = path
         try:
-            self._root = ET.fromstring(_xml(path))  # noqa: S314 - expat limits what entities expand to
-        except (ET.ParseError, ValueError, LookupError) as error:  # also an encoding that is unknown
+            self._root = ET.fromstring(_xml(path))  # noqa: S314 - expat limits the expansion of entities
+        except (ET.ParseError, ValueError, LookupError) as error:  # also for an unknown encoding
             raise InputError(f"{path}: not a project of OSP Tracker ({error}); {TO_DO}") from error
         self.length_unit = _text(self._root, "length_unit")
         clip, control = _object(self._root, "videoclip"), _object(self._root, "clipcontrol")
@@ -38,7 +38,7 @@ class Project:
         self.points_px = self._tracks()
 
     def _tracks(self) -> dict[str, dict[int, tuple[float, float]]]:
-        """Places by frame of every track that has some."""
+        """Positions by frame of every track with positions."""
         found: dict[str, dict[int, tuple[float, float]]] = {}
         for track in self._root.iter("object"):
             name = _text(track, "name")
@@ -57,7 +57,7 @@ class Project:
         return found
 
     def times_s(self, frames: Array, rate_hz: float | None) -> Array:
-        """Times of frames. Raises InputError where the project does not say how long a frame lasts."""
+        """Times of frames. Raises InputError if the project does not state the duration of a frame."""
         frame_s = 1 / rate_hz if rate_hz else self.frame_s
         if not (np.isfinite(frame_s) and frame_s > 0):
             raise InputError(f"{self.path}: has no frame duration; give rate_hz (frames per second)")
@@ -93,8 +93,8 @@ def _xml(path: Path) -> bytes:
             content = b""
             if len(names) == 1:
                 with archive.open(names[0]) as packed:
-                    content = packed.read(LARGEST_BYTES + 1)  # what the archive says of its size may be wrong
-    except Exception as error:  # zipfile raises whatever its code runs into in a damaged archive
+                    content = packed.read(LARGEST_BYTES + 1)  # the size stated in the archive may be wrong
+    except Exception as error:  # zipfile raises various errors for a damaged archive
         raise InputError(f"{path}: cannot be unpacked ({error}); {TO_DO}") from error
     if len(names) != 1:
         raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); expected one")

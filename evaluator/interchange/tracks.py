@@ -1,8 +1,8 @@
 """Tracks of other programs as marks: OSP Tracker, DeepLabCut, SLEAP, movement.
 
-Which program wrote a file is seen in the file. What no file says (which of its points are the marks, its unit of
-length, the frame rate) stands in [tracks] of experiment.toml. Lengths become mm in the plate frame; image points (px,
-y down, centre of the top left pixel at 0, 0) are placed on the plane of the marks by the camera.
+The program that wrote a file is recognised by its content. Properties that are not in the file (which points are the
+marks, unit of length, frame rate) are stated in [tracks] of experiment.toml. Lengths become mm in the plate frame;
+image points (px, y down, centre of the top left pixel at 0, 0) are placed on the plane of the marks by the camera.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 
 
 class Tracks(BaseModel):
-    """[tracks] of experiment.toml: how marks files of other programs are read.
+    """[tracks] of experiment.toml: properties of marks files of other programs.
 
-    MARK = "name": what a mark is called there, where not as in robot.toml. unit: of lengths there. rate_hz: frames a
-    second, for files that count frames. likelihood: points that are less likely count as missing.
+    MARK = "name": name of a mark in the file, if it differs from robot.toml. unit: of lengths in the file. rate_hz:
+    frames a second, for files that count frames. likelihood: points that are less likely count as missing.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -64,7 +64,7 @@ class Tracks(BaseModel):
 
     @property
     def names(self) -> dict[str, str]:
-        """Names in the file, by mark, that were said."""
+        """Stated names in the file, by mark."""
         return dict(self.__pydantic_extra__ or {})
 
     def name(self, mark: str) -> str:
@@ -81,8 +81,8 @@ def read_any_marks(
 ) -> pd.DataFrame:
     """Read marks of any known program as a marks table (evaluator.marks), mm in the plate frame.
 
-    camera, height_mm: for tracks in px. marks: those of the robot, of three and more at least two; without, those that
-    the shipped robot of the paper has. Raises InputError for a file that cannot be read, or that needs more said.
+    camera, height_mm: for tracks in px. marks: those of the robot, of three and more at least two; by default those of
+    the paper's robot. Raises InputError for a file that cannot be read, or that needs further properties in [tracks].
     """
     program = program_of(path)
     said = tracks or Tracks()
@@ -104,8 +104,8 @@ def read_points(
 ) -> tuple[Array, dict[str, Array], str]:
     """Read times (n,) and the points (n, 2) of every mark of any known program, and their unit: "mm", or "px".
 
-    Points in px are turned so that y points up, unless a camera places them in mm. A file may hold one mark only.
-    marks: those of the robot; without, the names said in [tracks], else every point that the file names.
+    Points in px are converted so that y points up, unless a camera places them in mm. A file may contain only one mark.
+    marks: those of the robot; by default the names in [tracks], else every point that the file names.
     """
     program, said = program_of(path), tracks or Tracks()
     if program == "turnscope":
@@ -121,7 +121,7 @@ def read_points(
 
 
 def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], str]:
-    """Marks of a marks CSV under any name, in mm where it has them, else in px."""
+    """Marks of a marks CSV under any name, in mm if it has them, else in px."""
     from evaluator.marks import read_marks
 
     table = read_marks(path)
@@ -136,7 +136,7 @@ def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], st
 
 
 def _in_mm(table: pd.DataFrame, tracks: Tracks) -> pd.DataFrame:
-    """A marks table whose lengths are in another unit than its columns say."""
+    """Convert a marks table whose lengths have another unit than its column names."""
     if tracks.unit not in (None, "px", "mm"):
         factor = MM_PER[tracks.unit]
         for name in table:
@@ -148,9 +148,9 @@ def _in_mm(table: pd.DataFrame, tracks: Tracks) -> pd.DataFrame:
 def _foreign_points(
     path: Path, program: Program, said: Tracks, marks: Sequence[str], needed: int
 ) -> tuple[Array, dict[str, Array], str]:
-    """Times, points by mark and unit of a file of another program; needed: how many of the marks have to be there.
+    """Times, points by mark and unit of a file of another program; needed: number of required marks.
 
-    Without marks, every point of the file is one.
+    Without marks, every point of the file is a mark.
     """
     readers: dict[str, Callable[[Path, FileHints], NamedPoints]] = {
         "tracker": read_tracker_text,
@@ -179,7 +179,7 @@ def _foreign_points(
 
 
 def _whole(reader: Callable[[Path, FileHints], NamedPoints], path: Path, said: FileHints) -> NamedPoints:
-    """Read a file that may be damaged anywhere: what its reader runs into then is said in one sentence."""
+    """Read a file that may be damaged anywhere: errors of its reader become one sentence."""
     try:
         return reader(path, said)
     except (InputError, OSError):
@@ -190,7 +190,7 @@ def _whole(reader: Callable[[Path, FileHints], NamedPoints], path: Path, said: F
 
 
 def program_of(path: Path) -> Program:
-    """Which program wrote a marks file, from its first bytes. Raises InputError where it cannot be read."""
+    """The program that wrote a marks file, by its first bytes. Raises InputError if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             head = file.read(4096)
@@ -231,7 +231,7 @@ def _marks_table(
 
 
 def _project_unit(path: Path) -> str | None:
-    """Unit of length that a project names itself; None where it names none that is known."""
+    """Unit of length that a project states; None if it states none that is known."""
     unit = project_unit(path)
     return unit if unit in MM_PER else None
 

@@ -23,7 +23,7 @@ class Frame:
     and the tick in s. luma: (rows, columns) of 8 or 16 bit samples; row j lies at y = row_origin + row_step·j px of the
     full frame (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
     recording. depth: bits of a sample. full_range: luma spans the whole of its range rather than 16/256 to 235/256 of
-    it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" where the codec says how it stored the frame, else "".
+    it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" if the codec states how it stored the frame, else "".
     repeated: equal to the frame before. owner: keeps the decoder's buffer alive. The planes are views: copy what must
     outlive the frame.
     """

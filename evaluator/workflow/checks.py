@@ -61,7 +61,7 @@ def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:
             yield str(error)
             continue
         except (OSError, ValueError):
-            continue  # said of the file itself
+            continue  # reported for the file itself
         if found != expected:
             yield f"{run.id}: {run.video}: {of_another_size(found, expected)}"
 
@@ -100,7 +100,7 @@ def _outside(run: Run) -> str | None:
             return None
         return run.outside(run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))
     except (InputError, OSError):
-        return None  # said of the file itself
+        return None  # reported for the file itself
 
 
 def _faults_of_named_files(path: Path) -> Iterator[str]:
@@ -108,7 +108,7 @@ def _faults_of_named_files(path: Path) -> Iterator[str]:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return  # said already
+        return  # reported already
     runs = [run for run in content.get("run", []) if isinstance(run, dict)] if isinstance(content, dict) else []
     tables = [content, *runs]
     folder = path.resolve().parent
@@ -155,7 +155,7 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     try:
         tracks = Tracks.model_validate(content.get("tracks", {}))
     except ValueError:
-        return  # said already
+        return  # reported already
     path = folder / name
     names = _marks_of_robot(folder, content)
     found: list[str] = []
@@ -163,7 +163,7 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     def read(file: Path) -> None:
         if program_of(file) == "turnscope":
             table = read_marks(file, names or None)
-            if not mark_names(table):  # the robot is not known, and so the names that its marks have
+            if not mark_names(table):  # the robot and the names of its marks are unknown
                 raise InputError(f"{file}: holds no mark; expected columns NAME_x_mm and NAME_y_mm")
             return
         _, points, _ = read_points(file, tracks, marks=names)
@@ -175,7 +175,7 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
 
 def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
-    """Marks of the robot of an experiment; none where it cannot be read, which is said of the robot."""
+    """Marks of the robot of an experiment; none if it cannot be read, which is reported for the robot."""
     from evaluator.settings import load_any_robot
     from simulator.errors import SimulationError
 
@@ -191,7 +191,7 @@ def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from evaluator.interchange.poses import read_poses
 
     del experiment
-    if not is_bag(folder / name):  # of a recording of ROS, the topics of its run are needed: read with the run
+    if not is_bag(folder / name):  # recordings of ROS are read with the topics of their run
         yield from _fault(read_poses, folder / name)
 
 
@@ -200,7 +200,7 @@ def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
     from evaluator.interchange.commands import from_log
 
     del experiment
-    if not is_bag(folder / name):  # whether its wheels are stated is a matter of the run with its topics
+    if not is_bag(folder / name):  # the wheels are checked with the topics of the run
         any_wheels = Topics(wheel_radius_m=1.0, track_m=1.0)
         yield from _fault(lambda path: from_log(path, topics=any_wheels), folder / name)
 

@@ -1,6 +1,6 @@
 """One run as a job: inputs, cache validity and result.
 
-Light to import: the parent of a batch needs no more than this; the libraries that do the work are the workers'.
+Light to import, because the parent process of a batch needs only this module; its workers import the other libraries.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LATE_S = 0.1  # accuracy of times read by hand: a recording that ends when the m
 
 @dataclass(frozen=True)
 class Job:
-    """One run to analyse: everything a worker process needs to know."""
+    """One run to analyse: all inputs of a worker process."""
 
     run: Run
     robot: Robot | MeasuredRobot
