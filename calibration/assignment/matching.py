@@ -87,8 +87,8 @@ def match_gauge(dots: Dots, lattice: Lattice, gauge: Gauge) -> Match:
     if goes_on(seen, gauge):
         raise CalibrationError(does_not_fit(lattice, gauge))
     # fiducials in the right places prove that it is this gauge, even if lines are hidden
-    told = bool(np.any(promised[:, match.row, match.column]))
-    if told:
+    proven = bool(np.any(promised[:, match.row, match.column]))
+    if proven:
         return match
     sure = match.certain and not shows_bare_line(seen, free, light, gauge)
     return replace(match, certain=sure, extent=ends_early(seen, free, light, gauge))

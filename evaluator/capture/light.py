@@ -66,7 +66,7 @@ def light_on(time_s: Array, brightness: Array, exposure_s: float | None = None) 
         return float(time_s[at] + (0.5 - share) * exposure), float(np.hypot(share_sigma * exposure, unknown))
     # Between two exposures: uniform over interval less exposure, whose mean square over all exposures is interval²/36.
     gap = interval / 6 if exposure_s is None else (interval - exposure_s) / np.sqrt(12)
-    hidden = PARTIAL * share_sigma * interval / np.sqrt(3)  # a part so small is not told from none
+    hidden = PARTIAL * share_sigma * interval / np.sqrt(3)  # a smaller part is not distinguished from none
     return float(time_s[at] - interval / 2), float(np.hypot(gap, hidden))
 
 

@@ -26,7 +26,7 @@ from evaluator.recording.layout import Layout
 from evaluator.wording import counted, verb
 
 LOOK_EVERY_S = 1.0
-REST_S = 0.5  # recorded before the motors are told to start: the report needs the robot at rest
+REST_S = 0.5  # recorded before the start of the motors, because the report needs the robot at rest
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def record_camera(
     source: number or device of a camera, an address, or a file as if it were one. out: an .mp4 that is not there yet;
     None records nothing, to see what the camera gives. What the camera compresses (MJPEG, H.264) is stored as it came,
     anything else without loss. Beside the file, NAME.capture.json holds what is known of its times and its start.
-    watch: is given a frame about once a second and returns what it saw in a few words, told to the progress.
+    watch: called with a frame about once a second; returns a short description of it for the progress.
     Raises InputError where the source gives nothing or the file cannot be written.
     """
     wanted = start or CaptureStart()

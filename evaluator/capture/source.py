@@ -13,7 +13,7 @@ import av
 
 from evaluator.errors import InputError
 
-# How FFmpeg names the cameras of a system, and how it is told which one.
+# FFmpeg's formats for the cameras of a system, and options that select one.
 SYSTEM = {"linux": ("v4l2", "/dev/video{}"), "darwin": ("avfoundation", "{}"), "win32": ("dshow", "video={}")}
 
 

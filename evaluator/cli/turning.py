@@ -24,15 +24,15 @@ class WithMarkNames(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Take --MARK NAME for --name MARK=NAME, unless the option looks like a misspelt one."""
         known = [name for item in self.params for name in item.opts] + ["--help"]
-        told, rest = list[str](), iter(args)
+        parsed, rest = list[str](), iter(args)
         for item in rest:
             mark = item.removeprefix("--").partition("=")[0]
             strange = item.startswith("--") and mark.isidentifier() and f"--{mark}" not in known
             if strange and not difflib.get_close_matches(f"--{mark}", known, n=1, cutoff=0.75):
-                told += ["--name", f"{mark}={item.partition('=')[2] or next(rest, '')}"]
+                parsed += ["--name", f"{mark}={item.partition('=')[2] or next(rest, '')}"]
             else:
-                told.append(item)
-        return super().parse_args(ctx, told)
+                parsed.append(item)
+        return super().parse_args(ctx, parsed)
 
 
 @click.command(

@@ -186,7 +186,7 @@ def _same(one: _Piece, other: _Piece) -> bool:
         bent, flat = (one, other) if other.phase.kind == "straight" else (other, one)
         assert bent.curvature is not None  # both have one
         assert flat.curvature is not None
-        half = bent.curvature.value / 2  # what may be half as bent as its neighbour is not told apart from it
+        half = bent.curvature.value / 2  # half the curvature is not distinguished from a neighbour
         return flat.curvature.low <= half <= flat.curvature.high or half * flat.curvature.value > half**2
     first, second = one.curvature.value, other.curvature.value
     return first * second > 0 and max(first / second, second / first) < JOINED

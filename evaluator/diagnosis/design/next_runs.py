@@ -203,7 +203,7 @@ def best_next_runs(
     driven = sorted({max(map(abs, run.command)) for run in data} - {0.0})
     if not rivals or not driven:
         return None
-    levels = sorted({driven[0], driven[len(driven) // 2], driven[-1]})  # the range: levels between tell little more
+    levels = sorted({driven[0], driven[len(driven) // 2], driven[-1]})  # levels in between add little information
 
     def of(options: Sequence[CandidateRun]) -> dict[str, list[Information]]:
         orders = [len(data)] * len(options)
@@ -220,25 +220,25 @@ def best_next_runs(
     options = [run for each in commands for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE,))]
     if not options:
         return None
-    told = of(options)
-    groups = [*told.values(), list(chain(*told.values()))]
+    information = of(options)
+    groups = [*information.values(), list(chain(*information.values()))]
     worth = sorted({options[run].command for group in groups for run in runs_until_enough(group)[0]})
     involved = {effect for rival in rivals.values() for effect in rival.fit.terms} | chosen
     if depends_on_place(robot, [search.terms[effect] for effect in sorted(involved)]):
         options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
-        told = of(options)
-    return _until_separated(options, told, chosen)
+        information = of(options)
+    return _until_separated(options, information, chosen)
 
 
 def _until_separated(
-    options: Sequence[CandidateRun], told: Mapping[str, Sequence[Information]], chosen: Set
+    options: Sequence[CandidateRun], information: Mapping[str, Sequence[Information]], chosen: Set
 ) -> NextRuns | None:
     """Choose options until every rival that can be excluded is, by their information about each."""
-    reached = {name: runs_until_enough(views)[1] for name, views in told.items()}
+    reached = {name: runs_until_enough(views)[1] for name, views in information.items()}
     inseparable = {name: sigmas for name, sigmas in reached.items() if sigmas < ENOUGH_SIGMAS}
-    able = {name: views for name, views in told.items() if name not in inseparable}
+    able = {name: views for name, views in information.items() if name not in inseparable}
     if not chosen:
-        inseparable = {}  # of no effect against one whose size may be nought there is nothing to tell
+        inseparable = {}  # runs cannot distinguish no effect from an effect whose size may be zero
     if not able and not inseparable:
         return None
     if not able:
@@ -253,14 +253,14 @@ def _least(views: Sequence[Information], made: Sequence[int], last: int) -> floa
     return float(np.sqrt(min(view.squares(made)[last] for view in views)))
 
 
-def runs_until_enough(told: Sequence[Information]) -> tuple[list[int], float]:
+def runs_until_enough(information: Sequence[Information]) -> tuple[list[int], float]:
     """Greedy choice of runs until all rivals are excluded; returns the runs and the smallest separation, sigmas."""
     made: list[int] = []
     least = 0.0
     while len(made) < MOST_RUNS and least < ENOUGH_SIGMAS:
-        squares = np.array([item.squares(made) for item in told])
+        squares = np.array([item.squares(made) for item in information])
         made.append(int(np.argmax(np.minimum(squares, ENOUGH_SIGMAS**2).sum(axis=0))))
-        least = _least(told, made[:-1], made[-1])
+        least = _least(information, made[:-1], made[-1])
     return made, least
 
 

@@ -79,7 +79,7 @@ def plan_runs(
     known, tolerance = _laboratory(robot)
     hidden = [Column(key) for key, value in tolerance.items() if value > 0]
     information, columns = _information(robot, terms, options, [0] * len(options), hidden, known)
-    # measured in stated sizes; nothing is known before but that effects are not many times as large
+    # relative to stated sizes; the prior only limits effects to this order of magnitude
     scale = np.array([tolerance[c.key] if c.term is None else _size(c) for c in columns])
     information = information * np.outer(scale, scale)
     total, chosen, driven = np.eye(len(scale)), list[int](), Counter[tuple[float, float]]()
@@ -88,9 +88,9 @@ def plan_runs(
         fewest = min((driven[command] for command in able), default=0)
         fresh = {command for command in able if driven[command] == fewest}
         inside = [i for i, option in enumerate(options) if option.command in fresh] or list(range(len(options)))
-        told = total[None] + information[inside]
-        # about effects, whatever else the runs tell: those that differ from what is known to a tolerance only
-        gains = np.linalg.slogdet(told)[1] - np.linalg.slogdet(told[:, : len(hidden), : len(hidden)])[1]
+        posterior = total[None] + information[inside]
+        # information about effects, after elimination of the quantities known to a tolerance
+        gains = np.linalg.slogdet(posterior)[1] - np.linalg.slogdet(posterior[:, : len(hidden), : len(hidden)])[1]
         best = inside[int(np.argmax(gains))]
         chosen.append(best)
         driven[options[best].command] += 1

@@ -71,11 +71,11 @@ def outlying_run(
 
 def _of_other_speeds(run: RunData, alone: str, gains: tuple[float, float]) -> Mistake:
     """The mistake of a run whose wheels turn faster or slower than commanded: another command, if it reads as one."""
-    told, found = (
+    commanded, found = (
         " / ".join(f"{speed * (1 + gain):.2g}" for speed, gain in zip(run.command, by, strict=True))
         for by in ((0.0, 0.0), gains)
     )
-    if found != told:
+    if found != commanded:
         seen = f"it moves as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
         return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
     left, right = (f"{100 * abs(gain):.1g} % {'faster' if gain > 0 else 'slower'}" for gain in gains)

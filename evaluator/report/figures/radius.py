@@ -104,7 +104,7 @@ def radius_by_group(runs: Sequence[RunView]) -> Figure | None:
 
 
 def _ratio(run: RunView) -> float:
-    """r of Eq. (11) for turns to either side, forward or backward, with the faster wheel for n_L."""
+    """Ratio r of Eq. (11) for turns to either side, forward or backward, with the faster wheel for n_L."""
     fast, slow = sorted((run.left_rpm, run.right_rpm), key=abs, reverse=True)
     return 1 - slow / fast if fast else float("nan")
 

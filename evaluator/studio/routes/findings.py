@@ -58,7 +58,7 @@ def diagnosis(studio: Studio, asked: Asked) -> Json:
     """The last diagnosis, with numbers and sentences."""
     path = studio.folder.path(asked.path["id"])
     found = diagnosis_view(path)
-    told: Json = {
+    result: Json = {
         "content": found.content,
         "pieces": found.pieces,
         "can_add": bool(found.robot_with_effect),
@@ -68,9 +68,9 @@ def diagnosis(studio: Studio, asked: Asked) -> Json:
     if found.content is not None:
         from evaluator.report.verdict import verdict_lines
 
-        told["lines"] = verdict_lines(found.content)
+        result["lines"] = verdict_lines(found.content)
         named = {effect["id"] for effect in found.content["effects"]}
-        told["parameters"] = {
+        result["parameters"] = {
             one.id: {slider.key: {"words": slider.words, "unit": slider.unit} for slider in one.sliders}
             for one in effect_sliders(path)
             if one.id in named
@@ -78,7 +78,7 @@ def diagnosis(studio: Studio, asked: Asked) -> Json:
     robot = robot_file(path)
     in_robot = effects_of(path)
     return {
-        **told,
+        **result,
         "in_robot": in_robot,
         "robot": {"path": _shown(studio, robot.path), "version": robot.version, "named": robot.named},
     }
@@ -166,13 +166,13 @@ def write_next(studio: Studio, asked: Asked) -> Json:
 def sliders(studio: Studio, asked: Asked) -> Json:
     """Sliders of a robot and of all effects. experiment: id of the one with the initial robot and commands."""
     robot, path = _robot(studio, asked.query)
-    told: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": _commands(path)}
-    told["effects"] = [
+    result: Json = {"robot": [vars(one) for one in robot_sliders(robot)], "commands": _commands(path)}
+    result["effects"] = [
         {**vars(one), "sliders": [vars(slider) for slider in one.sliders]} for one in effect_sliders(path)
     ]
-    told["in_robot"] = effects_of(path) if path is not None else []
-    told["version"] = robot_file(path).version if path is not None else ""
-    return told
+    result["in_robot"] = effects_of(path) if path is not None else []
+    result["version"] = robot_file(path).version if path is not None else ""
+    return result
 
 
 def motions(studio: Studio, asked: Asked) -> Json:

@@ -26,7 +26,7 @@ Followers = dict[str, Follower | BlobFollower]
 Starts = dict[str, tuple[int, BlobFollower]]  # by mark: index of the frame, and what was found there
 Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some frames, and what it measured in them
 
-# A disc seen at 45 degrees is 1.41 as long as wide; more is told apart from the shortest smear that leaves it rounder.
+# A disc at 45 degrees is 1.41 times as long as wide; a larger elongation is significant motion blur.
 OBLONG = 1.45
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposures, as shares of the interval, tried for motion blur
 FEW = 3  # frames needed for a decision

@@ -39,7 +39,7 @@ LEARNING_FRAMES = 12  # frames a shape is learnt from; more do not improve the c
 # Light is measured in every second frame at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 NEAR_MISSES = 8  # frames for which a lost mark is sought first where it was going to
-DARKEST = 0.2  # of the light there was: below that, marks that can still be told are found as never seen before
+DARKEST = 0.2  # of the earlier light: limit to which dimming is compensated in the search for known marks
 LIGHT_MASK = 7  # light is looked at in every eighth frame
 PATIENCE = 30  # frames to wait for both marks of a pair before following one alone
 DISCLESS = 3  # frames that show a mark's colour, but no disc, before it is followed without one
@@ -57,7 +57,7 @@ class Tracker:
         self.followers: dict[str, Follower | BlobFollower] = {}
         self._starts: Starts = {}  # where each was found first, as if it were no disc
         self._discless = dict.fromkeys(self.names, 0)  # frames in which its colour was found, but no disc
-        self._settled = False  # whether the first frames have told which marks are discs
+        self._settled = False  # whether it is known from the first frames which marks are discs
         self.cell: Array = np.zeros(4)
         self.interval_s = 1.0 / 60.0
         self._time_s: float | None = None

@@ -26,8 +26,8 @@ def shared_variance(time_s: Array, centers_px: Array, near: Course, telling: NDA
         if REACH * stride > straight:
             break
         wide = Course(time_s, centers_px, stride)
-        told = wide.known & ~(abrupt[wide.around] & (wide.weights != 0.0)).any(axis=0)
-        square, unsure = _square(wide, told)
+        used = wide.known & ~(abrupt[wide.around] & (wide.weights != 0.0)).any(axis=0)
+        square, unsure = _square(wide, used)
         # More than by its own standard error: the largest of some estimates is too large by about that.
         if square * (1.0 - unsure) > known:
             most = max(most, square)
@@ -52,13 +52,13 @@ def of_distance(time_s: Array, distance_px: Array) -> float:
     return max(most, 0.0) if np.isfinite(most) else np.inf
 
 
-def _square(course: Course, told: NDArray[np.bool_]) -> tuple[float, float]:
+def _square(course: Course, used: NDArray[np.bool_]) -> tuple[float, float]:
     """Variance of one centre from the errors of frames (n,), and its relative standard error; 0 for too few frames."""
-    count = int(told.sum())
+    count = int(used.sum())
     if count < LEAST:
         return 0.0, 1.0
-    share = 1.0 + float(course.squares[:, told].sum(axis=0).mean())
-    return robust_square(course.error[told]) / share, count**-0.5
+    share = 1.0 + float(course.squares[:, used].sum(axis=0).mean())
+    return robust_square(course.error[used]) / share, count**-0.5
 
 
 def straight_frames(centers_px: Array) -> float:

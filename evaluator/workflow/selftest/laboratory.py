@@ -84,9 +84,9 @@ def write_hidden_effect(folder: Path, seed: int) -> HiddenEffect:
     runs = ['format = 1\nname = "self-test: a hidden effect"\nrobot = "robot.toml"\n']
     for number, (left, right) in enumerate(COMMANDS_RPM):
         write_table(_marks(robot, (left, right), rng), folder / f"h{number:02d}.csv")
-        told = (right, left) if number == SWAPPED else (left, right)
+        stated = (right, left) if number == SWAPPED else (left, right)
         runs.append(
-            f'[[run]]\nid = "h{number:02d}"\nleft_rpm = {told[0]}\nright_rpm = {told[1]}\n'
+            f'[[run]]\nid = "h{number:02d}"\nleft_rpm = {stated[0]}\nright_rpm = {stated[1]}\n'
             f'start_s = {START_S + LATE_S}\nmarks = "h{number:02d}.csv"\n'
         )
     write_text(folder / "hidden.toml", "\n".join(runs))
