@@ -1,4 +1,4 @@
-"""Times of captured frames: the camera's own where it gives them, else when each frame arrived."""
+"""Times of captured frames: time stamps of the camera if there are any, otherwise times of arrival."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ MICRO = 1_000_000  # ticks of a second in files that are written: a thousandth o
 class ClockReport:
     """Quality of the time stamps of a recording.
 
-    source: "camera" where the driver or the stream stamps every frame, "arrival" where the computer did. interval_s:
-    median; NaN below two frames. jitter_s: standard deviation (robust) of the arrivals about the camera's times; of
-    arrival times about even spacing, which is then the error of every time. dropped: frames missing in gaps.
+    source: "camera" if the driver or the stream stamps every frame, otherwise "arrival". interval_s: median; NaN below
+    two frames. jitter_s: robust standard deviation of arrivals relative to the camera's times, or, without these,
+    relative to equal intervals, which is then the error of every time. dropped: frames missing in gaps.
     """
 
     frames: int
@@ -27,16 +27,16 @@ class ClockReport:
 
 @dataclass
 class CaptureClock:
-    """Collects the times of frames as they come; gives each its time in the recording, s from the first frame."""
+    """Collects the times of frames, and converts them to the time of the recording, s from the first frame."""
 
-    stamped: bool | None = None  # whether frames bring times; known with the first
+    stamped: bool | None = None  # whether frames have time stamps; known after the first
     times_s: list[float] = field(default_factory=list)
     arrivals_s: list[float] = field(default_factory=list)
 
     def add(self, stamp_s: float | None, arrived_s: float) -> int | None:
-        """Note a frame; returns its time in microseconds, None where it is not after the one before.
+        """Add a frame; return its time in microseconds, or None if it is not after the one before.
 
-        stamp_s: time that the camera gave it, on any clock, None where it gave none. arrived_s: of the computer.
+        stamp_s: time stamp of the camera, on any clock, or None. arrived_s: time of the computer.
         """
         if self.stamped is None:
             self.stamped = stamp_s is not None
@@ -48,7 +48,7 @@ class CaptureClock:
         return round((time - self.times_s[0]) * MICRO)
 
     def report(self) -> ClockReport:
-        """Sum up."""
+        """Quality of the times so far."""
         times, arrivals = np.array(self.times_s), np.array(self.arrivals_s)
         source = "camera" if self.stamped else "arrival"
         if len(times) < 2:
@@ -63,8 +63,8 @@ class CaptureClock:
     def in_recording(self, moment_s: float) -> tuple[float, float]:
         """A moment of the computer's clock as a time of the recording, with its standard uncertainty, s.
 
-        Frames arrive late, never early: the promptest arrival tells how the clocks lie, but for the delay that every
-        frame has (exposure, read-out, transfer). It is not known; about a frame is usual: so much is the uncertainty.
+        Frames arrive late, never early: the shortest delay gives the offset of the clocks, except for the delay common
+        to all frames (exposure, read-out, transfer). It is unknown, typically about a frame, which is the uncertainty.
         """
         times, arrivals = np.array(self.times_s), np.array(self.arrivals_s)
         offset = float((arrivals - times).min()) if self.stamped else 0.0
@@ -73,5 +73,5 @@ class CaptureClock:
 
 
 def _spread(values: np.ndarray) -> float:
-    """Standard deviation by the median absolute deviation: one late frame says nothing of the others."""
+    """Standard deviation by the median absolute deviation, because single frames may be late."""
     return float(1.4826 * np.median(np.abs(values - np.median(values))))

@@ -11,21 +11,21 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 
 Array = NDArray[np.float64]
-LEAST_CONTRAST = 8.0  # of the step over the noise of a frame: of 10,000 frames of noise none reaches it by chance
-SETTLED = 5  # frames on either side that tell how bright the region is without and with the light
-PARTIAL = 4.0  # sigmas off both levels from which on a frame saw the light for a part of its exposure only
+LEAST_CONTRAST = 8.0  # of the step over the noise of a frame: not reached by chance in 10,000 frames
+SETTLED = 5  # frames on either side for the brightness of the region without and with the light
+PARTIAL = 4.0  # sigmas from both levels beyond which the light was on during a part of the exposure
 
 
 @dataclass(frozen=True)
 class LightRegion:
-    """Where the light is in the image: a square about (x_px, y_px), half_px to each side."""
+    """Position of the light in the image: a square about (x_px, y_px), half_px to each side."""
 
     x_px: float
     y_px: float
     half_px: float = 4.0
 
     def brightness(self, frame: Frame) -> float:
-        """Mean luma of the region, levels. Raises InputError where it is outside the image."""
+        """Mean luma of the region, levels. Raises InputError if it is outside the image."""
         width, height = frame.size_px
         left, right = (round(self.x_px + side * self.half_px) for side in (-1, 1))
         top, bottom = (round((self.y_px + side * self.half_px) / frame.row_step) for side in (-1, 1))
@@ -38,13 +38,13 @@ class LightRegion:
 
 
 def light_on(time_s: Array, brightness: Array, exposure_s: float | None = None) -> tuple[float, float]:
-    """When the light went on, and its standard uncertainty, s, on the clock of the frames.
+    """Time at which the light went on, and its standard uncertainty, s, on the clock of the frames.
 
-    A frame's time is the middle of its exposure, as it is for the marks in it.
-    time_s, brightness: (n,). exposure_s: of a frame; unknown, anything up to the interval of the frames is taken as
-    equally likely. A frame that saw the light for a share of its exposure tells the moment within it; where the light
-    went on between two exposures, the time between them is left. A rolling shutter exposes rows at different times: put
-    the light beside the robot. Raises InputError where no light goes on.
+    The time of a frame is the middle of its exposure, as for its marks.
+    time_s, brightness: (n,). exposure_s: of a frame; if unknown, uniform between 0 and the interval of the frames.
+    If the light goes on during an exposure, the time follows from its share in the exposure; otherwise the uncertainty
+    is the time between two exposures. A rolling shutter exposes rows at different times: put the light beside the
+    robot. Raises InputError if no light goes on.
     """
     if len(time_s) < 3 * SETTLED:
         raise InputError(f"{len(time_s)} frames; {3 * SETTLED} are needed to detect the light")
@@ -71,14 +71,14 @@ def light_on(time_s: Array, brightness: Array, exposure_s: float | None = None) 
 
 
 def _edge(brightness: Array) -> tuple[int, float, float, float]:
-    """First frame that saw the light, brightness before and after it, and the noise of a frame."""
+    """First frame with light, brightness before and after it, and the noise of a frame."""
     windows = np.lib.stride_tricks.sliding_window_view(brightness, SETTLED)
     level = np.median(windows, axis=1)  # from frame k to k + SETTLED - 1
-    steps = level[SETTLED + 1 :] - level[: -SETTLED - 1]  # with one frame between, which may have seen it in part
-    first = int(np.argmax(steps))  # several may be largest: the step lies within a window of the first
+    steps = level[SETTLED + 1 :] - level[: -SETTLED - 1]  # with one frame in between, which may contain a part of it
+    first = int(np.argmax(steps))  # if several are equal, the step is within a window of the first
     low, high = float(level[first]), float(level[first + SETTLED + 1])
     quiet = np.delete(np.diff(brightness), slice(first, first + 2 * SETTLED))  # without the step
-    noise = float(np.sqrt(np.mean(quiet**2) / 2 + 1 / 12))  # levels are whole numbers
+    noise = float(np.sqrt(np.mean(quiet**2) / 2 + 1 / 12))  # with rounding to integer levels
     noise *= float(np.sqrt(1 + np.pi / 2 / SETTLED))  # of a frame against a level, which is a median of frames
     at = first + int(np.argmax(brightness[first:] > (low + high) / 2))
     if at > 0 and brightness[at - 1] > low + PARTIAL * noise:

@@ -43,7 +43,7 @@ class CaptureStart:
 class Captured:
     """A finished recording: its file (None if nothing was written), its times, and the start, s in the recording.
 
-    start_s, start_sigma_s: NaN where none was asked for or none came; start_note then says why.
+    start_s, start_sigma_s: NaN if none was requested or received; start_note is then the reason.
     """
 
     path: Path | None
@@ -71,7 +71,7 @@ class Captured:
 
 @dataclass
 class _Under:
-    """A recording under way."""
+    """A recording in progress."""
 
     start: CaptureStart
     clock: CaptureClock = field(default_factory=CaptureClock)
@@ -80,7 +80,7 @@ class _Under:
     latest: Frame | None = None
 
     def take(self, arrival: Arrival) -> tuple[int | None, ...]:
-        """Note the frames of an arrival; their times in microseconds."""
+        """Add the frames of an arrival; return their times in microseconds."""
         times = []
         for image in arrival.frames:
             stamp = None if image.pts is None or image.time_base is None else float(image.pts * image.time_base)
@@ -110,13 +110,13 @@ def record_camera(
     watch: Callable[[Frame], str] | None = None,
     progress: Progress = no_progress,
 ) -> Captured:
-    """Record until `seconds` have passed, the source ends, or the progress cancels, which ends it as well as time does.
+    """Record until `seconds` have passed, the source ends, or the progress cancels; the file is complete in all cases.
 
-    source: number or device of a camera, an address, or a file as if it were one. out: an .mp4 that is not there yet;
-    None records nothing, to see what the camera gives. What the camera compresses (MJPEG, H.264) is stored as it came,
-    anything else without loss. Beside the file, NAME.capture.json holds what is known of its times and its start.
+    source: number or device of a camera, an address, or a file in place of one. out: a new .mp4; None records nothing,
+    to inspect the camera. Streams compressed by the camera (MJPEG, H.264) are stored unchanged, others without loss.
+    NAME.capture.json beside the file contains the quality of its times and its start.
     watch: called with a frame about once a second; returns a short description of it for the progress.
-    Raises InputError where the source gives nothing or the file cannot be written.
+    Raises InputError if the source has no frames or the file cannot be written.
     """
     wanted = start or CaptureStart()
     path = None if out is None else Path(out)
@@ -151,7 +151,7 @@ def _run(
     observer: _Observer,
     progress: Progress,
 ) -> None:
-    """Take frames until the time has passed or the source ends."""
+    """Add frames until the time has passed or the source ends."""
     shown = -math.inf
     for arrival in camera:
         times_us = under.take(arrival)
@@ -174,7 +174,7 @@ def _run(
 
 
 class _Observer:
-    """Looks at a frame now and then beside the recording, which must not wait for it."""
+    """Observes frames in a thread from time to time, so that the recording need not wait."""
 
     def __init__(self, watch: Callable[[Frame], str] | None) -> None:
         self._watch = watch
@@ -183,7 +183,7 @@ class _Observer:
         self._saw = ""
 
     def look(self, frame: Frame | None) -> str:
-        """What was seen last; takes the next look unless one is under way."""
+        """The last description; starts the next observation unless one is in progress."""
         if self._looking is not None and self._looking.done():
             self._saw, self._looking = self._looking.result(), None
         if self._watch is not None and frame is not None and self._looking is None:
@@ -191,12 +191,12 @@ class _Observer:
         return self._saw
 
     def close(self) -> None:
-        """End, without a look that has not begun."""
+        """End, without an observation that has not begun."""
         self._thread.shutdown(wait=True, cancel_futures=True)
 
 
 def _captured(path: Path | None, under: _Under, moment_s: float | None) -> Captured:
-    """Sum up, with the start as it was asked for."""
+    """The finished recording, with the requested start."""
     clock = under.clock.report()
     if under.start.light is not None:
         times = np.array(under.clock.times_s) - under.clock.times_s[0]

@@ -35,7 +35,7 @@ class Camera:
         """Open a source.
 
         name: number of a camera of this system, a device, an address or a file. size ("640x480"), rate (frames/s),
-        pixels ("mjpeg", "yuyv422"): asked of a camera. Raises InputError where it cannot be opened or has no video.
+        pixels ("mjpeg", "yuyv422"): requested mode. Raises InputError if it cannot be opened or has no video.
         """
         self.name = name
         place, form = _place(name)
@@ -55,10 +55,10 @@ class Camera:
             self._container.close()
             raise InputError(f"{name}: gives no video")
         self.stream: Any = self._container.streams.video[0]
-        self.stream.thread_type = "SLICE"  # frame threads would hold frames back
+        self.stream.thread_type = "SLICE"  # frame threads would delay frames
 
     def __iter__(self) -> Iterator[Arrival]:
-        """Packets until the source ends or cannot be read any more."""
+        """Packets until the source ends or cannot be read."""
         packets = self._container.demux(self.stream)
         while True:
             try:
@@ -68,9 +68,9 @@ class Camera:
             except StopIteration:
                 return
             except av.error.InvalidDataError:
-                continue  # a damaged packet of a camera is a frame lost; the gap in the times tells
+                continue  # a damaged packet is a lost frame, which is visible as a gap of times
             except (av.error.FFmpegError, OSError):
-                return  # unplugged: what was recorded until now is whole
+                return  # unplugged: the recording up to now is complete
 
     def close(self) -> None:
         """Release the camera."""
@@ -78,7 +78,7 @@ class Camera:
 
 
 def _place(name: str) -> tuple[str, str | None]:
-    """What FFmpeg is to open, and as what."""
+    """Name and format of a source for FFmpeg."""
     form, pattern = SYSTEM.get(sys.platform, SYSTEM["linux"])
     if name.isdecimal():
         return pattern.format(name), form

@@ -14,8 +14,8 @@ from evaluator.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Moment = Callable[[], float | None]  # the moment on time.perf_counter, s; None while there is none yet
-# Prepares the signal (ports are opened, programs found) and gives what sends it and what tells the moment.
+Moment = Callable[[], float | None]  # time of the signal by time.perf_counter, s; None before
+# Prepares the signal (opens ports, finds programs), and returns functions that send it and return its time.
 Signal = Callable[[], tuple[Callable[[], None], Moment]]
 
 
@@ -77,7 +77,7 @@ def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
 
 
 def _once(action: Callable[[], Any]) -> tuple[Callable[[], None], Moment]:
-    """Do it when first asked; the moment is the middle of the doing."""
+    """Do the action on the first call; its time is the middle of its execution."""
     done: list[float] = []
 
     def send() -> None:

@@ -13,13 +13,13 @@ from evaluator.recording import Frame
 from evaluator.tracking.detection.find import find_marks
 from evaluator.tracking.settings import TrackingSettings, load_settings
 
-CIRCLE = (255, 64, 160)  # a colour that no plate, wire or mark has
+CIRCLE = (255, 64, 160)  # different from the colours of plates, wires and marks
 
 
 def watch_marks(settings: Path | None = None, image: Path | None = None) -> Callable[[Frame], str]:
-    """A function that says which marks a frame shows, and keeps an image of it with circles around them.
+    """A function that describes which marks a frame shows, and writes an image of it with circles around them.
 
-    settings: tracking.toml. image: written anew at every call. Raises InputError for settings that cannot be read.
+    settings: tracking.toml. image: overwritten by every call. Raises InputError for settings that cannot be read.
     """
     used = TrackingSettings() if settings is None else read_with(load_settings, settings)
     names = list(used.mark)

@@ -12,18 +12,18 @@ from evaluator.capture.clock import MICRO
 from evaluator.errors import InputError
 
 TICK = Fraction(1, MICRO)
-AS_IT_CAME = ("mjpeg", "h264", "hevc")  # codecs of cameras that MP4 holds
-# Fragments: a recording whose process is killed can be read up to the last second.
+AS_IT_CAME = ("mjpeg", "h264", "hevc")  # codecs of cameras that MP4 supports
+# Fragments, so that a recording of a killed process is readable up to the last second.
 MP4 = {"movflags": "+frag_keyframe+empty_moov+default_base_moof", "video_track_timescale": str(MICRO)}
-LOSSLESS = {"qp": "0", "preset": "ultrafast", "g": "60"}  # H.264 without loss, at the pace of a camera
-STORED = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "gray")  # as they are
+LOSSLESS = {"qp": "0", "preset": "ultrafast", "g": "60"}  # H.264 without loss, fast enough for a camera
+STORED = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "gray")  # without conversion
 
 
 class Writer:
-    """Writes to a part file beside the path, which gets its name when closed: `with Writer(…) as file`."""
+    """Writes to a part file beside the path, which is renamed on closing: `with Writer(…) as file`."""
 
     def __init__(self, path: Path, stream: Any) -> None:
-        """Open. stream: of the source. Raises InputError where the path is taken or is no .mp4."""
+        """Open the file. stream: of the source. Raises InputError if the path exists or is not an .mp4."""
         if path.suffix.lower() != ".mp4":
             raise InputError(f"{path}: recordings are written as .mp4; give such a name")
         if path.exists():
@@ -42,8 +42,8 @@ class Writer:
     def write(self, packet: Any, frames: tuple[Any, ...], times_us: tuple[int | None, ...], arrived_us: int) -> None:
         """Store a packet, or the frames that it completed.
 
-        times_us: of the frames from the first on, None for one that is left out. arrived_us: of the packet, likewise,
-        for one without a time of its own.
+        times_us: of the frames from the first on, None for omitted ones. arrived_us: of the packet from the first on,
+        for packets without a time.
         """
         if self.as_it_came:
             self._copy(packet, arrived_us)
@@ -60,7 +60,7 @@ class Writer:
         if self._first_us is None:
             self._first_us = shown
         if self._last_us is not None and decoded <= self._last_us:
-            return  # its time is not after the one before: no player could show it
+            return  # its time is not after the one before, so that players could not show it
         self._last_us = decoded
         packet.stream, packet.time_base = self._out, TICK
         packet.pts, packet.dts = shown - self._first_us, decoded - self._first_us
@@ -71,7 +71,7 @@ class Writer:
             pixels = frame.format.name
             self._out = self._container.add_stream("libx264", rate=60, options=LOSSLESS)
             self._out.width, self._out.height = frame.width, frame.height
-            # Packed formats of cameras hold colour for two pixels at a time; planes of 4:2:2 hold the same.
+            # Packed formats of cameras have one colour for two pixels, as planes of 4:2:2.
             self._out.pix_fmt = pixels if pixels in STORED else "yuv422p" if "422" in pixels else "yuv444p"
             self._out.time_base = self._out.codec_context.time_base = TICK
         stored = frame.reformat(format=self._out.pix_fmt)
@@ -83,7 +83,7 @@ class Writer:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """End the file; a recording that was interrupted is whole up to there."""
+        """Complete the file, also for a recording that was interrupted."""
         if self._out is not None and not self.as_it_came:
             self._container.mux(self._out.encode())
         self._container.close()
