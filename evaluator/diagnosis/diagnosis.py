@@ -55,7 +55,7 @@ from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, pla
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
-from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
+from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_runs import (
@@ -142,7 +142,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         if suspect is None:
             break
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
-        alone = not has_kin(run, others)  # it may be the only run in which an effect acts
+        alone = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
         rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
         again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits)
         if again is None:

@@ -30,7 +30,7 @@ BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file'
 ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
 # Runs whose wheels turn at the same two speeds, to either side, either way: an effect of physics bends all of them,
 # though not alike. Where so many others fit their file, one that does not is judged from a smaller misfit on.
-FEWEST_KIN = 2
+FEWEST_SIMILAR = 2
 # Readings that change no speed of a wheel. Another command or rate, of many, fits by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
 NEAR_S = 0.15  # offsets of logs closer than this are equal: neighbours among the tried ones
@@ -41,13 +41,13 @@ SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
 class Judgement:
     """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
 
-    extent_mm: of the path. kin: key of the wheel speeds, equal for runs with the same speeds.
+    extent_mm: of the path. speeds: of the wheels without side and sign, equal for similar runs.
     """
 
     ways: list[Alternative]
     misfits_mm: Floats
     extent_mm: float
-    kin: tuple[tuple[float, float], ...]
+    speeds: tuple[tuple[float, float], ...]
 
     @property
     def share(self) -> float:
@@ -102,7 +102,7 @@ def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) 
     """
     wrong = {item.run for item in found}
     right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
-    if len(right) < FEWEST_KIN or not np.isfinite(right).all():
+    if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
         return list(found)
     share = {item.ways[0].run.id: item.share for item in judgements}
     return [item for item in found if item.kind != "wrong-command" or share[item.run] > BETTER * max(right)]
@@ -116,7 +116,7 @@ def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) ->
     mixed_up = {item.run for item in found if item.kind == "wrong-command"}
     regimes: dict[tuple[tuple[float, float], ...], set[str]] = {}
     for judgement in judgements:
-        regimes.setdefault(judgement.kin, set()).add(judgement.ways[0].run.id)
+        regimes.setdefault(judgement.speeds, set()).add(judgement.ways[0].run.id)
     physical = set().union(*(runs for runs in regimes.values() if len(runs) > 1 and runs <= mixed_up))
     return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
 
@@ -128,7 +128,7 @@ def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found |
     return _judged(judgement, {"wrong-rate"}, least_share=0.0)
 
 
-def kin(run: RunData) -> tuple[tuple[float, float], ...]:
+def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
     """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
     stretches = run.run_command.driven
     return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
@@ -143,15 +143,15 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
     for of_run in ways:
         parts = [_misfit(way.run.marks_mm, predicted[k + i]) for i, way in enumerate(of_run)]
         run = of_run[0].run
-        judgements.append(Judgement(of_run, np.array(parts), _extent(predicted[k], run.marks_mm), kin(run)))
+        judgements.append(Judgement(of_run, np.array(parts), _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
         k += len(of_run)
     return judgements
 
 
 def _least_share(of: Judgement, every: Sequence[Judgement]) -> float:
     """The misfit of the file over the extent above which mistakes are considered for a run."""
-    others = [item.share for item in every if item is not of and item.kin == of.kin]
-    if len(others) < FEWEST_KIN or not np.isfinite(others).all():
+    others = [item.share for item in every if item is not of and item.speeds == of.speeds]
+    if len(others) < FEWEST_SIMILAR or not np.isfinite(others).all():
         return MISFIT_SHARE
     return min(MISFIT_SHARE, BETTER * max(others))
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.hypotheses import REMEDIES, kin, reading_of
+from evaluator.diagnosis.mistakes.hypotheses import REMEDIES, reading_of, unsigned_speeds
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.robot import Robot
 
@@ -17,13 +17,13 @@ SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
 REPEAT = "inspect the recording, or repeat the run"
 
 
-def has_kin(run: RunData, others: Sequence[RunData]) -> bool:
+def has_similar_runs(run: RunData, others: Sequence[RunData]) -> bool:
     """Whether other runs drive similarly; otherwise an effect may act in this run alone.
 
     Another run has the same wheel speeds, or both speeds and their ratio lie between or next to those of others: an
     effect that depends on speed or slip then acts in other runs, too.
     """
-    if any(kin(other) == kin(run) for other in others):
+    if any(unsigned_speeds(other) == unsigned_speeds(run) for other in others):
         return True
     around = [_drive(pair) for other in others for pair in _pairs(other)]
     return bool(around) and all(_among(_drive(pair), around) for pair in _pairs(run))

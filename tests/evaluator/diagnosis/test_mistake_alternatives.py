@@ -10,7 +10,7 @@ import pytest
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, thinned
-from evaluator.diagnosis.mistakes.hypotheses import _extent, _misfit, kin, misread_runs
+from evaluator.diagnosis.mistakes.hypotheses import _extent, _misfit, misread_runs, unsigned_speeds
 from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -38,10 +38,10 @@ def test_phases_of_a_log_are_its_commands_with_a_motor_on() -> None:
 
 def test_runs_are_kin_whose_wheels_turn_alike_to_either_side_either_way() -> None:
     run = recorded(moving(TIME))
-    assert kin(run) == ((20.0, 30.0),)
-    assert kin(replace(run, left_rpm=-20.0, right_rpm=30.0)) == ((20.0, 30.0),)
-    assert kin(replace(run, log=LOG)) == ((20.0, 30.0), (20.0, 30.0))
-    assert kin(replace(run, left_rpm=31.0)) != kin(run)
+    assert unsigned_speeds(run) == ((20.0, 30.0),)
+    assert unsigned_speeds(replace(run, left_rpm=-20.0, right_rpm=30.0)) == ((20.0, 30.0),)
+    assert unsigned_speeds(replace(run, log=LOG)) == ((20.0, 30.0), (20.0, 30.0))
+    assert unsigned_speeds(replace(run, left_rpm=31.0)) != unsigned_speeds(run)
 
 
 def test_misfit_is_what_no_rotation_and_shift_take_away_and_extent_the_larger_of_both_paths() -> None:

@@ -76,17 +76,19 @@ def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
 
 
 @pytest.mark.parametrize(
-    ("kin", "least"),
+    ("similar", "least"),
     [
-        ([0.3], 0.15),  # one run of its kin says too little
+        ([0.3], 0.15),  # one similar run says too little
         ([0.1, 0.2], 0.06),  # three times the worse of them, over an extent of 10 mm
-        ([0.1, 0.9], 0.15),  # physics bends its kin: no less than of a run without any
+        ([0.1, 0.9], 0.15),  # physics bends similar runs: no less than of a run without any
         ([0.1, np.nan], 0.15),
     ],
 )
-def test_a_run_is_judged_from_a_smaller_misfit_on_where_its_kin_fit_their_file(kin: list[float], least: float) -> None:
+def test_a_run_is_judged_from_a_smaller_misfit_on_where_similar_runs_fit_their_file(
+    similar: list[float], least: float
+) -> None:
     one = Judgement(WAYS, np.array([1.0, 0.1, 9.0]), 10.0, ((5.0, 30.0),))
-    others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in kin]
+    others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in similar]
     stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
     assert _least_share(one, [one, *others, stranger]) == pytest.approx(least)
     assert (_judged(one, set(), least) is not None) == (least < 0.1)

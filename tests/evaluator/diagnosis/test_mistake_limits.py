@@ -243,7 +243,7 @@ def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -
         return [Found(f"r{k}", "wrong-command", "moves as if", "look up") for k in runs]
 
     speeds = [((5.0, 33.0),), ((5.0, 33.0),), ((14.0, 33.0),), ((14.0, 33.0),), ((36.0, 60.0),)]
-    seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, kin) for k, kin in enumerate(speeds)]
+    seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, pairs) for k, pairs in enumerate(speeds)]
     assert _without_regimes(misread(0, 1, 2), seen) == misread(2)  # r3 turns as r2 should
     assert _without_regimes(misread(4), seen) == misread(4)  # nothing to compare it with
     swapped = Found("r0", "sides-swapped", "turns", "exchange")

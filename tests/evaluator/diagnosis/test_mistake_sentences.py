@@ -15,7 +15,7 @@ from evaluator.diagnosis.mistakes.alternatives import Alternative, correction_to
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, misread_runs, reading_of
-from evaluator.diagnosis.mistakes.outlying import has_kin, outlying_run
+from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -127,8 +127,8 @@ def test_a_run_at_other_intervals_than_the_session_may_be_of_another_rate_by_its
 
 def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkeypatch: pytest.MonkeyPatch) -> None:
     run, others = driven(0), [driven(1), replace(driven(2), left_rpm=10.0)]
-    assert has_kin(run, others)
-    assert not has_kin(run, others[1:])
+    assert has_similar_runs(run, others)
+    assert not has_similar_runs(run, others[1:])
     monkeypatch.setattr(outlying, "reading_of", lambda *_: None)
     unread = outlying_run(run, others, ROBOT)
     assert (unread.runs, unread.kind) == (("r0",), "outlying")
@@ -167,7 +167,7 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
 def test_a_run_has_kin_among_runs_that_drive_alike_or_around_it(pair: tuple[float, float], alike: bool) -> None:
     around = ((40.0, 12.0), (12.0, 40.0), (-25.0, -24.0), (-38.0, -10.0))
     others = [replace(driven(k), left_rpm=left, right_rpm=right) for k, (left, right) in enumerate(around)]
-    assert has_kin(replace(driven(9), left_rpm=pair[0], right_rpm=pair[1]), others) == alike
+    assert has_similar_runs(replace(driven(9), left_rpm=pair[0], right_rpm=pair[1]), others) == alike
 
 
 def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rate(

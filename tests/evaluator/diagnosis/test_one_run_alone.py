@@ -23,7 +23,7 @@ def session_of(runs: int) -> Session:
 
 
 def diagnosed(
-    monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, kin: bool, followed: bool = False
+    monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, similar: bool, followed: bool = False
 ) -> Diagnosis:
     """The diagnosis of 12 runs, one of which is suspected, where the others say rest, which follows it or not."""
     fit = SimpleNamespace(point=SimpleNamespace(nominal={}))
@@ -32,7 +32,7 @@ def diagnosed(
         module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
     )
     monkeypatch.setattr(module, "_sole_run_of", lambda found: ODD if found is whole else None)
-    monkeypatch.setattr(module, "has_kin", lambda *_: kin)
+    monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
     monkeypatch.setattr(module, "_is_followed", lambda *_: followed)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     monkeypatch.setattr(module, "varied_robot", lambda *_: None)
@@ -44,7 +44,7 @@ NOTHING = Diagnosis("none", "explained", session_of(11))
 
 
 @pytest.mark.parametrize(
-    ("verdict", "kin", "said"),
+    ("verdict", "similar", "said"),
     [
         ("unknown", True, "none"),  # a matter of that run
         ("unknown", False, "insufficient"),  # of the run, or of the only drive of its kind
@@ -53,12 +53,12 @@ NOTHING = Diagnosis("none", "explained", session_of(11))
     ],
 )
 def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
-    monkeypatch: pytest.MonkeyPatch, verdict: Any, kin: bool, said: str
+    monkeypatch: pytest.MonkeyPatch, verdict: Any, similar: bool, said: str
 ) -> None:
     chosen = TILT if verdict == "effect" else frozenset[str]()
-    found = diagnosed(monkeypatch, Diagnosis(verdict, "so", session_of(12), chosen=chosen), NOTHING, kin=kin)
+    found = diagnosed(monkeypatch, Diagnosis(verdict, "so", session_of(12), chosen=chosen), NOTHING, similar=similar)
     assert found.verdict == said
-    assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not kin)
+    assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not similar)
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
 
 
@@ -68,7 +68,7 @@ def test_a_run_that_no_fit_follows_is_set_aside_though_the_others_show_the_effec
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
     for outlying, named in (((ODD,), [("r3",)]), ((), [])):
         whole = Diagnosis("effect", "it pays", session_of(12), chosen=TILT, outlying=outlying)
-        found = diagnosed(monkeypatch, whole, rest, kin=True)
+        found = diagnosed(monkeypatch, whole, rest, similar=True)
         assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
 
 
@@ -76,7 +76,7 @@ def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkey
     both = TILT | {"friction-gradient"}
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
     found = diagnosed(
-        monkeypatch, Diagnosis("effect", "so", session_of(12), chosen=both), rest, kin=True, followed=True
+        monkeypatch, Diagnosis("effect", "so", session_of(12), chosen=both), rest, similar=True, followed=True
     )
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
     why = "friction-gradient rests on this run alone; repeat it"
