@@ -88,7 +88,7 @@ def test_the_one_run_that_is_not_followed_is_suspected(
     monkeypatch: pytest.MonkeyPatch, outlying: tuple[int, ...], suspect: int | None
 ) -> None:
     monkeypatch.setattr(module, "sole_run", lambda *_: None)
-    search: Any = SimpleNamespace()
+    search: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
     found = Diagnosis("unknown", "so", session_of(12), search=search, terms={}, outlying=outlying)
     assert module._sole_run_of(found) == suspect
 
@@ -100,7 +100,8 @@ def test_wheel_speeds_by_a_model_that_follows_no_run_make_none_suspect(
     monkeypatch.setattr(module, "sole_run", lambda *_: None)
     monkeypatch.setattr(module, "sole_misfit", lambda *_: None)
     monkeypatch.setattr(module, "sole_gains", lambda *_: ODD)
-    whole: Any = SimpleNamespace(fits={frozenset(): SimpleNamespace(runs=(*range(12),))})
+    on_plate = SimpleNamespace(open_ground=False)
+    whole: Any = SimpleNamespace(fits={frozenset(): SimpleNamespace(runs=(*range(12),))}, problem=on_plate)
     left: Any = SimpleNamespace()
     found = Diagnosis(
         "unknown", "so", session_of(12), search=whole, terms={}, outlying=(*range(9),), follows=follows, leftover=left
