@@ -57,7 +57,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict != "unknown":
         reserve = doubts(left, constant) or step_in_speed(search.fits[chosen], left, session.data)
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
-        reason = f"{reason}; {reserve}"  # ground leaves more than any model says
+        reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:
         verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)

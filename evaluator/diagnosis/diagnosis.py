@@ -191,9 +191,9 @@ def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:
-    """The run on which an effect, named or not, rests alone, or but for which the model leaves no more than noise.
+    """The single run on which an effect depends, or without which the residuals are noise; None if there is none.
 
-    On open ground there is none: an effect must predict several commands better, and what single runs leave is noise.
+    On open ground there is none: an effect must improve the prediction of several commands, and residuals are noise.
     """
     if found.search is None or found.terms is None or found.verdict not in ("effect", "unknown"):
         return None

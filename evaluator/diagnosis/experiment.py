@@ -30,12 +30,12 @@ from simulator.robot import Robot, load_robot
 Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 12
-# A 5 Hz lidar gives seven to eleven poses in two seconds. Three poses give one mode of each coordinate and of the
-# heading (features.compression). The start pose uses up one mode of each, so that two are needed.
+# A 5 Hz lidar measures seven to eleven poses in two seconds. Three poses determine one mode of each coordinate and of
+# the heading (features.compression). The start pose takes one mode of each, so that two are needed.
 FEWEST_POSES = 6
 FEWEST_RUNS = 4
 FEWEST_COMMANDS = 2
-ONE_PLACE = 1e-6  # of the distance of the marks: a rounding in the file, far below what any sensor repeats
+ONE_PLACE = 1e-6  # of the distance of the marks: rounding in the file, far below the repeatability of any sensor
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def without_mistakes(session: Session) -> Session:
 
 
 def needed_of(session: Session) -> Session:
-    """The session with no more runs than a diagnosis needs: of hundreds on open ground those of some dozen commands."""
+    """The session with the runs that a diagnosis needs: on open ground those of some dozen commands of hundreds."""
     if not any(map(is_full_size, session.robots)):
         return session
     keep = needed_runs(session.data)
@@ -193,7 +193,7 @@ def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData
 
 
 def _own_frames(run: RunData, fewest: int) -> slice:
-    """The frames of a run between those in which a hand moves it. Raises InputError for fewer than enough."""
+    """The frames of a run between those in which a hand moves it. Raises InputError for too few."""
     own = between_hands(run)
     seen = np.flatnonzero(np.isfinite(run.marks_mm[own]).all(axis=1)) + own.start
     if len(seen) < fewest:

@@ -10,7 +10,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 
 
 def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
-    """Numbers of the runs of every command, in the order of the experiment."""
+    """Indices of the runs of every command, in the order of the experiment."""
     groups: dict[tuple[float, float], list[int]] = {}
     for number, run in enumerate(data):
         groups.setdefault(run.command, []).append(number)
@@ -20,8 +20,8 @@ def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[i
 def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
     """Whole runs to hold out: about a sixth, chosen by their commands alone, before anything is fitted.
 
-    First all runs of one command (a speed, a side or a direction that is then not fitted), where others still cover its
-    direction; then single repeats of other commands, spread over the session.
+    First all runs of one command (a speed, a side or a direction that is then not fitted), if other commands have its
+    direction; then single repetitions of other commands, spread over the session.
     """
     wanted = len(data) // 6 if len(data) >= 6 else 0
     if not wanted:
@@ -41,7 +41,7 @@ def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:
             break
         if len(runs) > 1:
             chosen.append(runs[len(runs) // 2])
-    for number in range(len(data) // 3, len(data)):  # no repeats: take single runs from the middle on
+    for number in range(len(data) // 3, len(data)):  # without repetitions, single runs from the middle on
         if len(chosen) >= wanted:
             break
         if number not in chosen:

@@ -1,11 +1,11 @@
-"""Long sessions of full-size robots: recordings cut into pieces, and runs that suffice of hundreds.
+"""Long sessions of full-size robots: division of recordings into pieces, and selection of sufficient runs.
 
-What ground does to a robot adds up, so that after a minute no model is near its path, whatever is right in it. A person
-who drives a robot about for twenty minutes records one run. It is cut at changes of command, or after some seconds
-where none is near; motors are told in each piece what they were told before it.
+Deviations by the ground accumulate, so that after a minute no model is near the path. A recording of twenty minutes is
+a single run. It is divided at changes of command, or after some seconds if there are none; each piece includes the
+commands before it.
 
-A diagnosis takes as long as it has runs, and beyond some dozens of commands further ones hardly decide. Which runs
-decide is chosen by their commands alone, before anything is fitted.
+The duration of a diagnosis is proportional to the number of runs, and more than some dozens of commands hardly change
+its result. Deciding runs are selected by their commands alone, before any fit.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from evaluator.diagnosis.held_out import held_out_runs, runs_by_command
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.interchange.commands import RunCommand
 
-LONGEST_S = 10.0  # of a run that stays whole: one or two commands of a few seconds
-PIECE_S, NEAR_S = 3.0, 1.0  # length of pieces, by how much it varies so that a piece begins with a command
-# Commands and runs, at least so many, that a search sees, and that decide: a search over 24 commands takes minutes. Of
-# a Husky eight commands do not establish that its drive mixes the sides, and 24 do.
+LONGEST_S = 10.0  # of a run that is not divided: one or two commands of a few seconds
+PIECE_S, NEAR_S = 3.0, 1.0  # length of pieces, and its variation so that a piece begins with a command
+# Least number of commands and of runs in a search, and among deciding runs: a search over 24 commands takes minutes.
+# Eight commands of a Husky are not sufficient to show that its drive mixes the sides, 24 are.
 SEARCHED, DECIDING = (12, 36), (24, 36)
 NOT_NEEDED = "not needed: others decide, chosen for commands far apart, and as many others are held out"
-HISTORY_S = 6.0  # of commands before a piece: motors that follow within seconds have forgotten what was before
+HISTORY_S = 6.0  # of commands before a piece: several time constants of motors that lag by seconds
 
 
 def pieces_of(run: RunData, fewest: int) -> tuple[RunData, ...]:
     """The pieces of a run, named after it and the time at which they begin; the run itself if it is not long.
 
-    fewest: frames of a piece in which the marks are seen; where there are fewer, there is no piece.
+    fewest: least number of frames of a piece with all marks; pieces with fewer are omitted.
     """
     begin, end = float(run.time_s[0]), float(run.time_s[-1])
     if end - begin <= LONGEST_S:
@@ -51,18 +51,18 @@ def pieces_of(run: RunData, fewest: int) -> tuple[RunData, ...]:
 
 
 def searched_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Numbers of the runs in which effects are looked for: some of those that decide."""
+    """Indices of the runs of a search for effects: some of the deciding ones."""
     return apart(data, *SEARCHED)
 
 
 def deciding_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Numbers of the runs that decide; all, where too few others would be held out."""
+    """Indices of the deciding runs; all, if too few others would be held out."""
     found = apart(data, *DECIDING)
     return found if len(data) - len(found) >= len(held_out_runs(data)) else tuple(range(len(data)))
 
 
 def needed_runs(data: Sequence[RunData]) -> tuple[int, ...]:
-    """Numbers of the runs that decide, and of as many others, spread over the session, to be held out."""
+    """Indices of the deciding runs, and of as many others, spread over the session, to be held out."""
     deciding = deciding_runs(data)
     others = np.setdiff1d(np.arange(len(data)), deciding)
     held = others[np.linspace(0, len(others) - 1, min(len(deciding), len(others))).astype(int)] if len(others) else []
@@ -70,9 +70,9 @@ def needed_runs(data: Sequence[RunData]) -> tuple[int, ...]:
 
 
 def apart(data: Sequence[RunData], fewest_commands: int, fewest_runs: int) -> tuple[int, ...]:
-    """Numbers of all runs of at least so many commands, at least so many runs, of commands as far apart as can be.
+    """Indices of all runs of at least these numbers of commands and runs, with commands as far apart as possible.
 
-    Each further command is that farthest from all before, from the fastest on; all runs where there are no more.
+    The first command is the fastest; each further one is the farthest from all before. All runs if there are fewer.
     Source: Kennard & Stone (1969), Technometrics 11, 137.
     """
     groups = list(runs_by_command(data).items())
@@ -91,17 +91,17 @@ def _piece(run: RunData, frames: slice) -> RunData:
     time_s, whole = run.time_s[frames], run.run_command
     first, last = float(time_s[0]), float(time_s[-1])
     command = whole.command.within(first - HISTORY_S, last + HISTORY_S)
-    told = RunCommand(command, starts_at_rest=whole.starts_at_rest and frames.start == 0, logged=True)
-    left, right = told.main(first, last)
+    run_command = RunCommand(command, starts_at_rest=whole.starts_at_rest and frames.start == 0, logged=True)
+    left, right = run_command.main(first, last)
     return replace(
         run,
         id=f"{run.id}@{first:.1f}s",
         left_rpm=left,
         right_rpm=right,
-        start_s=told.start_s if told.starts_at_rest and told.start_s is not None else first,
-        stop_s=told.stop_s,
+        start_s=run_command.start_s if run_command.starts_at_rest and run_command.start_s is not None else first,
+        stop_s=run_command.stop_s,
         time_s=time_s,
         marks_mm=run.marks_mm[frames],
         systematic={key: shift[frames] for key, shift in run.systematic.items()},
-        log=told,
+        log=run_command,
     )
