@@ -171,7 +171,7 @@ def doubtful(table: pd.DataFrame, most: int) -> list[tuple[int, str]]:
 
 
 def _sigma(table: pd.DataFrame, name: str) -> Array:
-    """Uncertainty of a mark in each frame, both axes together, px; NaN where it is absent."""
+    """Uncertainty of a mark in each frame, both axes together, px; NaN if it is absent."""
     return np.asarray(np.hypot(*table[[f"{name}_x_sigma_px", f"{name}_y_sigma_px"]].to_numpy(float).T))
 
 

@@ -103,7 +103,7 @@ def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
         seen = left.shares[:, number] > LEAST_SHARE
         alike, which = left.random_effects[seen, number] / np.sqrt(left.shares[seen, number]), np.asarray(runs)[seen]
         odd = _odd(alike, UNLIKE / (len(SCATTER) - 1))
-        if not odd:  # on open ground no run has friction or gains of its own
+        if not odd:  # on open ground there are no random effects of friction and gains
             continue
         change = alike - np.delete(alike, odd).mean()
         for side in (1, -1):

@@ -53,7 +53,7 @@ def predicts_better(first: Fit, second: Fit, data: Sequence[RunData], tolerance:
     aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
     if len(aside) < 2:
         return False
-    # a density of whitened features is that of a unit normal, so its negative is half of what is missed, and of noise
+    # the density of whitened features is a unit normal: its negative logarithm is half the sum of squares with noise
     less, more = (np.maximum(-_densities(fit, aside, tolerance), 0.5) for fit in (first, second))
     ratios = np.log(more / less)
     error = ratios.std(ddof=1) / np.sqrt(len(ratios))

@@ -34,9 +34,9 @@ from simulator.robot import Robot
 Floats = NDArray[np.float64]
 
 GROWN = 0.025  # probability, by chance, of so many runs with a larger gap: one side of a 95 % interval of the median
-# Whatever the evidences say, a model that misses the marks of a run by so many times the noise floor does not follow
-# it. Where the verdict was right the gap lay between 0.9 and 1.12 floors; fits that had not settled left 50 and more.
-# Some runs may be outlying (dust, a snagged tether, the edge between two steady states): they are named.
+# Gap of a run in noise floors above which a model does not explain it, regardless of the evidence. For right verdicts
+# the gap was between 0.9 and 1.12 floors, for fits that had not converged 50 and more. Single runs may be outlying
+# (dust, a snagged tether, the boundary between two steady states) and are listed.
 MISSED = 2.5
 OF_WANDER = 4.0  # standard deviations of a Gaussian number per run: exceeded in one of 16,000 runs
 CHANGED_FLOORS = 0.5  # of the noise floor: the default of a relevant change of the path
@@ -165,7 +165,7 @@ def _wander(problem: Problem, runs: Sequence[int]) -> Floats:
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
     """RMS distance of the midpoint due to noise of tracking and ground and the precision of the model, by run, mm."""
-    # on ground, what drifts is by its definition what is left about the best start pose
+    # on open ground drift is defined as the residual about the best start pose
     spans_s = [0.0 if problem.open_ground else float(np.ptp(problem.data[run].time_s)) for run in runs]
     noise = np.array(
         [

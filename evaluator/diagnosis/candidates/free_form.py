@@ -292,10 +292,10 @@ def _families() -> Iterator[tuple[Item, ...]]:
     own, other = (Item(*first, twin=Item(*second)) for first, second in (OWN_COMMAND, OTHER_COMMAND))
     yield (other,)
     yield own, other
-    yield Item("camera_x", "time"), Item("camera_y", "time")  # an image that creeps
+    yield Item("camera_x", "time"), Item("camera_y", "time")  # a drift of the image
     yield Item("camera_x", "x"), Item("camera_x", "y")  # unequal scales and a shear; the rest is a scale and a turn
-    yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # what a lens leaves
+    yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # residual distortion of the lens
 
 
-# Not a family that is tried: what a plate does whose friction is another one under the left wheels than under the right
+# Not a candidate: the effect of different friction under the left and the right wheels
 UNEVEN_FRICTION = _family((Item("friction", "one", "left-right"),), PAPER_SIZE)

@@ -131,7 +131,7 @@ def from_rival(problem: Problem, placed: Point, rival: Rival) -> Information:
     fit = rival.fit
     at = np.array([fit.point.value(column) for column in fit.columns])
     s, g, G = _inner(problem, replace(fit.point, per_run=placed.per_run), fit.columns, fit.posterior.scatter)
-    # the response is measured from where they change nothing: shift it to the rival's own parameters
+    # the response is relative to absent values: shift it to the parameters of the rival
     misfit = s - 2 * g @ at + np.einsum("p,npq,q->n", at, G, at)
     known = np.asarray(np.linalg.pinv(fit.posterior.covariance))
     return Information(misfit, g - G @ at, G, rival.at_hand_sigmas**2, np.zeros(len(at)), known)

@@ -123,7 +123,7 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
     nominal = [i for i, column in enumerate(columns) if column.term is None]
     groups: dict[str, list[list[int]]] = {}
     for i, column in enumerate(columns):
-        if column.term is not None:  # places of an attraction are so many rivals, the parameters of an effect one
+        if column.term is not None:  # places of an attraction are separate rivals, parameters of an effect one
             together = groups.setdefault(column.key, [])
             if column.start is not None or not together:
                 together.append([])

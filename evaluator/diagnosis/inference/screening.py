@@ -27,7 +27,7 @@ class Screen:
     beyond: MixedModel  # the same given base
     base: tuple[int, ...]  # nominal values and the terms already in
     offers: tuple[tuple[str, tuple[int, ...]], ...]  # candidate id (several starting places: several offers), columns
-    whole: Mapping[int, int]  # first column of an offer from a place where it acts: column of the whole change to there
+    whole: Mapping[int, int]  # by first column of an offer with start values: column of the whole change to these
 
     def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
         """Log evidence with some offers included; all parameters of a candidate count, also those not yet varied."""

@@ -24,8 +24,8 @@ def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
     best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
-    # Without effects the drift was asked for at the beginning, or the misfit is so large that none is owed to a camera.
-    # On open ground all that is left over is noise already, be it of the camera, of friction or of the model.
+    # Without effects the drift was estimated at the beginning, or the misfit is too large to be a drift of the camera.
+    # On open ground the noise already contains all residuals, of the camera, of friction or of the model.
     asked = best and not search.problem.open_ground
     drifting = with_common_drift(search, fit) if asked else search.problem
     problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))

@@ -20,7 +20,7 @@ from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.progress import Progress
 
 HORIZONS_S = (1.0, 2.5)
-RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled: the heading errs by little more than what the horizon before left
+RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled, so that the error of the heading grows little from one to the next
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
 # about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which
 # is then many times the tracking noise (of the paper's robot; in proportion of others). Below it the fits of

@@ -14,7 +14,7 @@ from numba import set_num_threads
 from evaluator.progress import Progress, no_progress
 
 # Seconds of processor time after which a search ends. Of the experiments of the second world the slowest took 114 s on
-# a busy machine: one that goes on for half as long again is lost.
+# a busy machine; the limit is half as long again.
 USUAL_SECONDS = 180.0
 
 
@@ -78,7 +78,7 @@ class Watch:
         self._progress, self._seconds, self._began = progress, seconds, process_time()
         self._last: tuple[str, float] | None = None
         self.each = each
-        self.so_far = ""  # what a search has found, should it be stopped
+        self.so_far = ""  # sentence on the results up to now, if a search is stopped
 
     def __call__(self, stage: str, done: float, total: float = 1.0, /) -> None:
         """Record the progress of the work."""

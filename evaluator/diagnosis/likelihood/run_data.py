@@ -28,7 +28,7 @@ def is_shared(key: str) -> bool:
 
 @dataclass(frozen=True)
 class RunData:
-    """One recorded run, whatever its source.
+    """One recorded run, independent of its source.
 
     time_s: (n,) presentation times. marks_mm: (n, 4) x, y of the first and of the second mark in the plate frame, NaN
     where one is missing: the robot's own two, or its reference pair (robot_geometry.reference_marks). line_rad:
@@ -37,7 +37,7 @@ class RunData:
     appearance of a mark). log: the commands, if there is more than one or the run does not start at rest; left_rpm and
     right_rpm are then the command held longest, start_s and stop_s the first and the last time with a motor on.
     from_poses: the marks were computed from poses, so that their distance has no information. start_is_stated: whether
-    the file gives start_s, which is 0 where it does not.
+    the file states start_s, which is otherwise 0.
     """
 
     id: str

@@ -26,8 +26,8 @@ from evaluator.robot_geometry import reference_line
 from evaluator.turning.status import SPACING_SHARE
 from simulator.robot import Robot
 
-# Marks are placed to some hundredths of a millimetre of their few, 1 to 2 %: four standard deviations for one run among
-# others, as any of two dozen may stand out, and three once what a keystone adds at its place is taken off.
+# Marks are placed to some hundredths of a few millimetres, 1 to 2 %: four standard deviations for one run among
+# others, as any of two dozen may be outlying, and three after correction for a keystone at its position.
 ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
@@ -219,9 +219,9 @@ def _disturbance(run: RunData) -> Found | None:
         return None
     usual = float(np.median(motion.along))
     turning = float(np.median(motion.yaw))
-    size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed of its own; half a mm of lever
+    size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed: lever of half a mm
     speed = np.hypot(motion.along, motion.across)
-    # a run that stops early stands for most of its time: what it did in either half is usual too
+    # a run that stops early is at rest for most of its time: the speeds of both halves count as usual, too
     halves = np.array_split(motion.along, 2)
     driven = max(abs(usual), *(abs(float(np.median(half))) for half in halves))
     held = _longest(speed < HELD_SHARE * driven, motion)

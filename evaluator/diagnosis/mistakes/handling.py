@@ -18,7 +18,7 @@ CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: ha
 
 
 def between_hands(run: RunData) -> slice:
-    """Frames of a run from where the robot rests once it was laid down, to where it is taken away after its stop."""
+    """Frames of a run from the rest after the robot was laid down until it is removed after its stop."""
     time, (on_s, off_s) = run.time_s, (run.run_command.start_s, run.run_command.stop_s)
     begin, end = 0, len(time)
     if run.run_command.starts_at_rest and on_s is not None:
@@ -37,7 +37,7 @@ def between_hands(run: RunData) -> slice:
 def moved_before_start_mm(run: RunData) -> float:
     """How far, mm, a mark goes from the first frames to the last that are surely before start_s.
 
-    0 where no farther than noise and a camera that settles take it, or where there are too few frames.
+    0 if this is within noise and the settling of a camera, or if there are too few frames.
     """
     on_s = run.run_command.start_s
     if not run.run_command.starts_at_rest or on_s is None:
@@ -60,7 +60,7 @@ def _apart_mm(marks_mm: NDArray[np.float64]) -> float:
 def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Frames at which some in a row outside begin that are off the place where the robot rests for RESTS_S.
 
-    None where it does not rest there, or is never off as far as a hand carries it.
+    None if it does not rest there, or never deviates as far as a hand carries it.
     """
     resting = (run.time_s >= rest_s) & (run.time_s <= rest_s + RESTS_S)
     seen = np.isfinite(run.marks_mm).all(axis=1)

@@ -28,8 +28,8 @@ Floats = NDArray[np.float64]
 MISFIT_SHARE = 0.15
 BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
 ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
-# Runs whose wheels turn at the same two speeds, to either side, either way: an effect of physics bends all of them,
-# though not alike. Where so many others fit their file, one that does not is judged from a smaller misfit on.
+# Number of other runs with the same two wheel speeds, to either side and in both directions, from which a run is judged
+# by a smaller misfit: a physical effect changes all of them, so that it cannot be the cause if they fit their file.
 FEWEST_SIMILAR = 2
 # Readings that change no speed of a wheel. Another command or rate, of many, fits by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")

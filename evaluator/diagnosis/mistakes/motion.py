@@ -23,12 +23,12 @@ GAP_SIGMAS = 8.0  # of the scatter of a frame; a velocity over 15 frames is carr
 LEAST_LEAP_MM = 0.2  # three times what tails and slow errors of tracking made of 24 gaps; a hand moves it more
 # The most of about ten places along a run that ripples nearly is the most that it ever makes: twice that is no ripple.
 UNSTEADY_TIMES = 2.0
-AROUND_JUMP = 10  # frames on either side of a jump: a line is the path of so many
+AROUND_JUMP = 10  # frames on either side of a jump over which the path is nearly straight
 MOST_JUMPS = 20  # places along a run that are looked at, those first where the marks step farthest off their way
 JUMP_WITHIN = 8  # frames: those next to a jump may have been taken for outliers, up to six
 LEAST_JUMP_MM = 0.05  # sides that start 10 ms apart, at a change of command from one way to the other, leap by 0.03
 MOST_LOST = 3  # frames in a row that recorders drop unnoticed
-REST_S = 0.08  # of a recording in which the robot is taken to rest; it is not where it moves already
+REST_S = 0.08  # begin of a recording in which the robot is assumed at rest, unless it moves already
 
 
 @dataclass(frozen=True)
@@ -120,10 +120,10 @@ def onset(run: RunData) -> Onset | None:
     if slope <= 0:
         return None
     begins = float(-level / slope)
-    # of a line carried back from its middle, and of the place of rest, a median of so many frames
+    # of a line extrapolated from its middle, and of the rest position, a median of this number of frames
     line = 1 / len(since) + (since.mean() - begins) ** 2 / max(float(np.sum((since - since.mean()) ** 2)), 1e-300)
     sigma = scatter / slope * float(np.sqrt(line + np.pi / 2 / rest))
-    # a robot that moves already would seem to begin in the middle of what was taken for its rest
+    # a robot that moves already would appear to start in the middle of the assumed rest
     return Onset(time[first] + begins, sigma) if time[first] + begins > max(time[0] + REST_S, time[rest - 1]) else None
 
 

@@ -24,16 +24,16 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found = list(same)
     found += _of_the_rest(wrong_scale, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
-    standing = standing_runs(data, robots)  # of a dead band: nothing tells what they were commanded
+    standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]
     turning = sum(any(s.left_rpm != s.right_rpm for s in run.run_command.driven) for run in data)
     logs = {run.id for run in data if run.log is not None}
-    if logs:  # a log that is not this run's puts its phases elsewhere, where they look like pushes
+    if logs:  # wrong logs shift phases, which then look like pushes
         found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]
     disturbed = _of_the_rest(disturbed_runs, data, robots, found)
     found += disturbed
-    if disturbed or len(logs) < len(data):  # else the same was asked of the same runs
+    if disturbed or len(logs) < len(data):  # otherwise the same runs were tested already
         found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
     if any(map(is_full_size, robots)):

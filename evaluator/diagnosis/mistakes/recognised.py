@@ -24,7 +24,7 @@ Kind = Literal[
     "duplicate",
     "outlying",
 ]
-# What hides others stands first: a copy has every mistake of its original, a wrong unit hides a wrong command.
+# Mistakes that hide others come first: a copy has every mistake of its original, a wrong unit hides a wrong command.
 ORDER: tuple[Kind, ...] = (
     "duplicate",
     "wrong-unit",
@@ -41,7 +41,7 @@ ORDER: tuple[Kind, ...] = (
     "pushed",
     "outlying",
 )
-MOST = 0.8  # of the runs: a mistake of so many concerns the session and is reported once
+MOST = 0.8  # share of the runs above which a mistake concerns the session and is reported once
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ PATTERN_SUMS: dict[str, tuple[tuple[str, float], ...]] = {
 
 
 def corrected_robot(robot: Robot, terms: Mapping[str, Candidate], point: Point) -> Robot:
-    """The robot as a fitted point has it: what its file will say, but for the rounding of numbers."""
+    """The robot of a fitted point, as in its file except for the rounding of numbers."""
     nominal = {key: value for key, value in point.nominal.items() if not is_shared(key)}
     text = "\n".join(effect_tables(terms, point.terms))
     added = tuple(EffectEntry.model_validate(item) for item in tomllib.loads(text).get("effect", []))

@@ -10,7 +10,7 @@ ID = "found-by-diagnosis"
 
 
 def own_effect(found: Diagnosis, effect_id: str = ID) -> str | None:
-    """Text of effects/ID.toml with the free-form terms of an unknown verdict; None where there are none."""
+    """Text of effects/ID.toml with the free-form terms of an unknown verdict; None if there are none."""
     terms = [term for effect in sorted(found.chosen) if isinstance(term := (found.terms or {})[effect], FreeTerm)]
     if not terms or not found.follows:
         return None

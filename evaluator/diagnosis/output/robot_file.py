@@ -19,11 +19,10 @@ def robot_text(name_or_path: str) -> str:
 
 
 def with_value(text: str, table: str, name: str, value: float, remark: str) -> str:
-    """The text with table.name set, the former value and the remark in a comment where there is room for one.
+    """The text with table.name set, and the former value and the remark in a comment if possible.
 
-    However the file writes the key (in its table, dotted, inline), the one place is changed that sets this key and
-    nothing else; a key that the file leaves to its default is added. A value that the file gives in another unit stays
-    in that unit.
+    Regardless of the notation of the key (in its table, dotted, inline), only its value is changed; a missing key is
+    added. A value in another unit keeps its unit.
     """
     content = tomllib.loads(text)
     for key, factor in other_keys(name).items():

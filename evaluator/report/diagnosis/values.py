@@ -61,7 +61,7 @@ def with_interval(value: Json) -> tuple[str, str, str]:
 
 
 def value_text(value: float | None) -> str:
-    """Three digits, a true minus sign, no powers for usual sizes; a dash where it is unknown."""
+    """A number with three digits and a true minus sign, without exponent for usual sizes; a dash if it is unknown."""
     if value is None:
         return UNKNOWN
     return (f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}").replace("-", "−")

@@ -51,7 +51,7 @@ WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree a
 
 
 def where_sentences(content: Json, most: int) -> list[str]:
-    """Disagreements of robot file and runs, at most so many; with "none", first why that is consistent."""
+    """At most `most` disagreements of robot file and runs; with "none", first why that is consistent."""
     items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
     if not sentences or content.get("verdict") != "none":
@@ -109,7 +109,7 @@ def _some(runs: Sequence[str]) -> str:
 
 
 def unlike_sentences(content: Json) -> list[str]:
-    """Sentences on runs that the model follows with friction or wheel speeds unlike the others; empty without any."""
+    """Sentences on runs that the model explains with unusual friction or wheel speeds; empty without any."""
     found = [as_sentence(str(item["sentence"])) for item in content.get("unlike_runs") or []]
     return (
         ["Runs unlike the others, for example because of dirt, the battery or a wiped plate:", *found] if found else []

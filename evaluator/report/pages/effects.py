@@ -56,7 +56,7 @@ def parameter_rows(effect: Effect) -> tuple[tuple[str, str, str, str, str], ...]
 
 
 def bound_text(bound: float) -> str:
-    """A bound as text; a dash where there is none."""
+    """A bound as text; a dash if there is none."""
     return f"{bound:g}" if math.isfinite(bound) else "–"
 
 

@@ -58,7 +58,7 @@ def evaluate_circular_test(
 def circular_test_of(analysis: Analysis, robot: Robot) -> CircularResult:
     """The circular test of an analysis: runs with mistakes and runs that failed are left out.
 
-    Raises InputError where there is no turn.
+    Raises InputError if there is no turn.
     """
     turns = analysis.turning
     right = turns[~turns["run"].isin([*analysis.excluded_runs, *analysis.faults])]

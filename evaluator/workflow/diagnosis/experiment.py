@@ -183,7 +183,7 @@ def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: O
 def _session(
     path: Path, experiment: Experiment, outputs: Outputs, progress: Progress, workers: int | None, dask: str | None
 ) -> Session:
-    """Marks as given, or tracked where a run is a video (what is up to date is reused)."""
+    """Given marks, or marks tracked in videos (results that are up to date are reused)."""
     marks = {run.id: run.marks for run in experiment.run if run.marks is not None and not _to_be_read(run, experiment)}
     faults: dict[str, str] = {}
     cameras: dict[str, Path] = {}

@@ -19,10 +19,10 @@ LITTLE = 1e-12  # of the diagonal: regularization of equivalent columns
 
 
 def normal_matrices(G: Floats, prior: Floats) -> Floats:
-    """Normal matrices (t, k, k) from inner products G (t, k, k) and prior precisions (k,), a little more than definite.
+    """Normal matrices (t, k, k) from inner products G (t, k, k) and prior precisions (k,), slightly regularized.
 
-    Of each column a share of its own: of a robot of a metre, one may be a moment in µN·mm, 10¹⁰ of which show, and
-    another the inverse of a speed.
+    Regularization is relative to each column, because units differ: for a robot of a metre, one may be a moment in
+    µN·mm with values of 10¹⁰, another the inverse of a speed.
     """
     H = G + np.diag(prior)
     own = np.diagonal(H, axis1=1, axis2=2)

@@ -29,9 +29,10 @@ from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, corre
 
 Floats = NDArray[np.float64]
 
-# Of what wanders, the size after one second, mm, and of what creeps the speed, mm/s. Below a quarter of a micrometre
-# they change no verdict; of more than 10 µm, a tenth of a pixel and more, someone touched the camera. What lasts long
-# is seen by what it has done so far, its size over the root of its time: so both are hardly confounded.
+# Size of a random drift after one second, mm, and speed of a creep, mm/s. Below a quarter of a micrometre they change
+# no verdict; more than 10 µm, a tenth of a pixel and more, mean that the camera was touched. A drift is described by
+# its size over the root of its correlation time, which determines its growth, so that rate and time are hardly
+# confounded.
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
 LASTING_S = (1.0, 4.0, 16.0)  # a shorter one is seen in the spectrum, of a longer one a run shows the beginning
 BEGIN = (5, 1, 5)  # of size, time and creep: in the middle of each

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 AROUND = 13  # frames, six before and six after: of the six pairs two may hold a jump
-OUTLIER_STEPS = 2.5  # and so many frames' motion: where motion begins, the middle of pairs is off by 1.75 of them
+OUTLIER_STEPS = 2.5  # plus this number of steps between frames: at the start of motion, the midpoint deviates by 1.75
 OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordinary noise beyond add nothing to a fit
 # Steps from which the place of an end is extrapolated: where motion begins within them, it is off by 2 steps at most.
 ENDS_FROM = (1, 2, 3)
 LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
-MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3, 4))  # what is mistaken together
+MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3, 4))  # columns with common outliers
 
 
 def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats:

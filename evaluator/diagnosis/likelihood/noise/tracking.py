@@ -24,7 +24,7 @@ FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitt
 # What trackers show: correlation over a few frames up to half a second. Fast modes alone leave longer ones undecided.
 USUAL_CORRELATION_S = 0.1
 CORRELATION_SPREAD = 1.0  # of its logarithm
-OF_MEDIAN = 0.78  # what a median knows of the power of a band, beside the mean of its modes: (1.414 / 1.6)²
+OF_MEDIAN = 0.78  # efficiency of the median of the power of a band relative to the mean of its modes: (1.414 / 1.6)²
 LINE_BANDS = 5  # of 60, some 2.5 Hz of a camera of 60 frames a second: lines of two bands' width are held down
 # -2 log likelihood that a correlated part must gain for its two parameters, power and time (Akaike 1974, IEEE TAC 19,
 # 716). It acts most where the fit looks least: by chance it gave slow modes 40 % more power than white noise has.
