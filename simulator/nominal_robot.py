@@ -108,8 +108,8 @@ class KnownTo(Table):
     """Standard uncertainties of the geometry, absolute; 0 is exact."""
 
     wheel_radius_mm: NotNegative | None = None  # of each wheel; default 0.5 %
-    wheelbase_mm: NotNegative | None = None  # default 0.01 mm
-    track_mm: NotNegative | None = None  # default 0.01 mm
+    wheelbase_mm: NotNegative | None = None  # default 0.02 mm
+    track_mm: NotNegative | None = None  # default 0.02 mm
     mass_g: NotNegative | None = None  # default 2 %
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
     mark_height_mm: NotNegative = 0.1  # of all marks; for the uncertainty budget of the report

@@ -31,9 +31,10 @@ LEVEL = ("plate_level_x_deg", "plate_level_y_deg")
 GRAVITY = ("center_of_gravity_x_mm", "center_of_gravity_y_mm")
 SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY)
 SCALE = "plane_scale"
-# Knowledge of geometry where robot.toml says nothing: callipers read 0.01 mm, a machinist's level 0.3 degrees.
-# Of a robot of the paper's size; of one of a metre, that a tape measures, in proportion.
-CALLIPERS_MM = 0.005  # one standard deviation of a length, of what is read to 0.01 mm
+# Knowledge of geometry where robot.toml says nothing: of a robot of the paper's size; of one of a metre, which is
+# measured with a tape, in proportion. Callipers may err by 0.02 to 0.03 mm (ISO 13385-1), and a wheel touches the plate
+# somewhere within its width. A machinist's level reads 0.3 degrees.
+CALLIPERS_MM = 0.02  # one standard deviation of wheelbase and track
 RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
 MASS_SHARE = 0.02
 ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
@@ -114,7 +115,7 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
         ("magnetic_attraction.driven_wheel_mN", "attraction of a driven wheel", attraction.driven_wheel_mN),
     )
     for key, name, value, sigma in (*lengths, *((k, n, v, ATTRACTION_SHARE * v) for k, n, v in forces)):
-        stated = callipers * 2 if sigma is None else sigma
+        stated = callipers if sigma is None else sigma
         if value and key not in robot.tolerance:
             found.append(Quantity(key, name, key.rpartition("_")[2], stated, value))
     return tuple(item for item in found if item.sigma > 0)

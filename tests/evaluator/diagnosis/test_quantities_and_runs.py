@@ -80,12 +80,12 @@ def test_quantities_have_the_sigmas_of_a_laboratory_that_says_nothing() -> None:
     }
 
 
-def test_a_length_without_a_stated_sigma_is_known_to_two_readings_of_callipers() -> None:
+def test_a_length_without_a_stated_sigma_is_known_as_well_as_callipers_are_right() -> None:
     robot = load_robot("barrel")
     geometry = robot.known_to.model_copy(update={"wheelbase_mm": None, "track_mm": 0.2})
     loose = robot.model_copy(update={"known_to": geometry})
     found = {item.key: item.sigma for item in quantities(KnownTo(), loose, [frames_of(0.02)])}
-    assert (found["wheels.wheelbase_mm"], found["wheels.track_mm"]) == pytest.approx((0.01, 0.2))
+    assert (found["wheels.wheelbase_mm"], found["wheels.track_mm"]) == pytest.approx((0.02, 0.2))
     held = robot.model_copy(update={"tolerance": {"wheels.track_mm": 0.1}})
     assert "wheels.track_mm" not in {item.key for item in quantities(KnownTo(), held, [frames_of(0.02)])}
 
