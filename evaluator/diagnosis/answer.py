@@ -51,7 +51,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict == "effect" and not any(item.matter(session.relevant) for item in done.values()):
         negligible, verdict = chosen, "none"
         reason = f"the effects found ({', '.join(sorted(chosen))}) are below the limits of relevance"
-    left = adequacy(search.fits[chosen], session.data)
+    relevant_gain = session.relevant.speed_percent / 100
+    left = adequacy(search.fits[chosen], session.data, relevant_gain)
     constant = constancy(search.fits[named], session.data, search.tolerance)
     reserve = ""
     if verdict != "unknown":
@@ -63,7 +64,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)
     if verdict == "unknown" and (few := too_few_runs(search, chosen, session)):
         verdict, reason, chosen = "insufficient", f"{reason}; {few}", frozenset()
-        left = adequacy(search.null, session.data)
+        left = adequacy(search.null, session.data, relevant_gain)
     known = knowledge(session.known, search.fits[chosen])
     at_once = together(search.fits[chosen], search.tolerance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):

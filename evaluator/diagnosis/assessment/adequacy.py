@@ -53,8 +53,11 @@ class Adequacy:
     widest: str = ""
 
 
-def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
-    """Test the residuals of a fit."""
+def adequacy(fit: Fit, data: Sequence[RunData], relevant_gain: float = 0.0) -> Adequacy:
+    """Test the residuals of a fit.
+
+    relevant_gain: relative; gains of the wheels that depend on something known by less are of no consequence.
+    """
     columns = fit.columns
     theta = np.array([fit.point.value(column) for column in columns])
     squares, freedom = left_overs(fit.linearized, columns, theta)
@@ -63,7 +66,8 @@ def adequacy(fit: Fit, data: Sequence[RunData]) -> Adequacy:
     random_effects, unknown = run_effects(fit.reduced, theta, scatter)
     shares = 1 - np.diagonal(unknown, axis1=1, axis2=2) / scatter**2
     sigma = np.sqrt(2 / freedom.sum())
-    order_p, depends_on = _order(random_effects / scatter, shares, [data[run] for run in fit.runs])
+    relevant = np.array([0.0, relevant_gain, relevant_gain, 0.0]) / scatter
+    order_p, depends_on = _order(random_effects / scatter, shares, [data[run] for run in fit.runs], relevant)
     return Adequacy(
         excess, (excess - 1) / sigma, squares / freedom, random_effects, shares, order_p, depends_on, _widest(scatter)
     )
@@ -132,17 +136,17 @@ def _odd(values: Floats, probability: float) -> list[int]:
     return taken[:odd]
 
 
-def _order(random_effects: Floats, shares: Floats, data: Sequence[RunData]) -> tuple[float, str]:
+def _order(random_effects: Floats, shares: Floats, data: Sequence[RunData], relevant: Floats) -> tuple[float, str]:
     """F test of each random effect against each known quantity of the runs: the smallest probability and its quantity.
 
     random_effects: (n, 4) in standard deviations of the scatter; shares: (n, 4), of the variance that the run
     determines. Estimates are shrunk by this share, and so is their variance; therefore they are divided by its square
-    root, and the regressors are multiplied by it.
+    root, and the regressors are multiplied by it. relevant: (4,), size below which a dependence does not count.
     """
     tests = 0
     least, reason = 1.0, ""
     for by, columns in _known(data).items():
-        for what, column, share in zip(SCATTER, random_effects.T, shares.T, strict=True):
+        for what, column, share, least_size in zip(SCATTER, random_effects.T, shares.T, relevant, strict=True):
             seen = share > LEAST_SHARE
             weight = np.sqrt(share[seen])
             design = np.column_stack([np.ones(seen.sum()), columns[seen]]) * weight[:, None]
@@ -150,7 +154,11 @@ def _order(random_effects: Floats, shares: Floats, data: Sequence[RunData]) -> t
             if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
                 continue
             tests += 1
-            without, rest = (_left(part, column[seen] / weight) for part in (design[:, :1], design))
+            values = column[seen] / weight
+            slopes = np.linalg.lstsq(design, values, rcond=None)[0][1:]
+            if np.ptp(columns[seen] @ slopes) / 2 < least_size:
+                continue
+            without, rest = (_left(part, values) for part in (design[:, :1], design))
             p = float(special.fdtrc(tested, freedom, (without - rest) / tested / max(rest / freedom, 1e-30)))
             if p < least:
                 least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"

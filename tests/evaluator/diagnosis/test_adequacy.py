@@ -23,7 +23,7 @@ def _experiment(rng: np.random.Generator, drift: float = 0.0) -> tuple[float, st
         told.append([friction, *rng.uniform(0.7, 1.0, 3)])
     shares: NDArray[np.float64] = np.array(told)
     true = rng.normal(size=(20, 4)) + drift * np.arange(20)[:, None]
-    return _order(shares * true + np.sqrt(shares * (1 - shares)) * rng.normal(size=(20, 4)), shares, data)
+    return _order(shares * true + np.sqrt(shares * (1 - shares)) * rng.normal(size=(20, 4)), shares, data, np.zeros(4))
 
 
 def test_chance_is_called_something_else_as_seldom_as_said() -> None:

@@ -31,6 +31,8 @@ from tests.evaluator.diagnosis.synthetic import (
 TAU = np.array([0.05, 0.02, 0.02, 1.0])
 COLUMNS = [column("slip.lateral_friction", effect=False), column("effect")]
 
+EVERY = np.zeros(4)  # no dependence is too small to count
+
 
 def test_excess_is_the_mean_square_of_what_no_effect_and_no_number_of_a_run_takes() -> None:
     runs = linear_runs(count=6)
@@ -75,7 +77,7 @@ def test_friction_that_follows_the_order_has_the_p_value_of_the_textbook_times_w
     ]
     own = rng.normal(size=(12, 4))
     own[:, 0] += 0.5 * np.arange(12)
-    p, reason = _order(own, np.ones((12, 4)), data)
+    p, reason = _order(own, np.ones((12, 4)), data, EVERY)
     single = stats.linregress(np.arange(12), own[:, 0]).pvalue
     assert reason == "friction of the runs depends on order"
     # Nine things are known of a run, direction and side are the same in all, and so is the heading: four are asked.
@@ -87,16 +89,27 @@ def test_friction_that_follows_the_order_has_the_p_value_of_the_textbook_times_w
     assert p == pytest.approx(single * 4 * len(asked), rel=1e-6)
 
 
+@pytest.mark.parametrize(("gain", "told"), [(0.9e-3, False), (1.1e-3, True)])
+def test_gains_that_depend_on_something_by_less_than_matters_do_not_count(gain: float, told: bool) -> None:
+    rng = np.random.default_rng(3)
+    data = [run_data(30.0, 20.0, number) for number in range(12)]
+    scatter, own = 1e-3, 1e-2 * rng.normal(size=(12, 4))
+    own[:, 2] += gain / scatter * np.linspace(-1.0, 1.0, 12)  # from the first run to the last
+    p, reason = _order(own, np.ones((12, 4)), data, np.array([0.0, 1e-3, 1e-3, 0.0]) / scatter)
+    assert (p < 1e-6) == told
+    assert (reason == "right gain of the runs depends on order") == told
+
+
 def test_runs_that_tell_little_of_their_friction_count_little() -> None:
     rng = np.random.default_rng(2)
     data = [run_data(30.0, 20.0, number) for number in range(12)]
     own, told = rng.normal(size=(12, 4)), np.ones((12, 4))
     own[:, 0] = 0.5 * np.arange(12) + 0.1 * rng.normal(size=12)
     own[6, 0], told[6, 0] = 1e3, 0.009
-    assert _order(own, told, data)[0] < 1e-6
+    assert _order(own, told, data, EVERY)[0] < 1e-6
     told[:, 0] = 0.009
-    assert "friction" not in _order(own, told, data)[1]
-    assert _order(own[:7], told[:7], data[:7])[0] == 1.0  # five degrees of freedom say little
+    assert "friction" not in _order(own, told, data, EVERY)[1]
+    assert _order(own[:7], told[:7], data[:7], EVERY)[0] == 1.0  # five degrees of freedom say little
     shrunk = np.array(own)
     share = np.linspace(0.2, 0.9, 12)
     told = np.ones((12, 4))
@@ -107,7 +120,9 @@ def test_runs_that_tell_little_of_their_friction_count_little() -> None:
     values = shrunk[:, 0] / weight
     alone = [values @ values - values @ part @ np.linalg.lstsq(part, values)[0] for part in (design[:, :1], design)]
     p = stats.f.sf((alone[0] - alone[1]) / (alone[1] / 10), 1, 10)
-    assert _order(shrunk, told, data)[0] == pytest.approx(4 * p, rel=1e-5)  # order alone differs between these runs
+    assert _order(shrunk, told, data, EVERY)[0] == pytest.approx(
+        4 * p, rel=1e-5
+    )  # order alone differs between these runs
 
 
 def test_what_is_known_of_a_run_is_its_command_heading_place_and_order() -> None:
@@ -291,8 +306,8 @@ def test_a_run_that_tells_more_than_a_hundredth_of_its_friction_counts() -> None
     own, told = rng.normal(size=(12, 4)), np.ones((12, 4))
     own[:, 0] = 0.05 * np.arange(12) + 1e-3 * rng.normal(size=12)
     told[:, 0] = 0.011
-    assert "friction" in _order(own, told, data)[1]
-    eight = _order(own[:8], np.ones((8, 4)), data[:8])
+    assert "friction" in _order(own, told, data, EVERY)[1]
+    eight = _order(own[:8], np.ones((8, 4)), data[:8], EVERY)
     assert eight[0] < 1.0  # six degrees of freedom are enough
 
 
