@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS
+from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, arm_mm
 
 RESTS_S = 0.1  # the least rest between a hand and the motors: no hand lets go and switches on faster
 # Starts are known to better than the one (disturbances.LATE_S), and motors run down within the other.
@@ -50,17 +50,13 @@ def moved_before_start_mm(run: RunData) -> float:
     places = [np.median(marks[before][part], axis=0) for part in (slice(MOVING_FRAMES), slice(-MOVING_FRAMES, None))]
     off = places[1] - places[0]
     way = max(float(np.hypot(off[0], off[1])), float(np.hypot(off[2], off[3])))
-    return way if way > CARRIED_SHARE * _apart_mm(marks) else 0.0
-
-
-def _apart_mm(marks_mm: NDArray[np.float64]) -> float:
-    return float(np.median(np.hypot(*(marks_mm[:, :2] - marks_mm[:, 2:]).T)))
+    return way if way > CARRIED_SHARE * 2 * arm_mm(run) else 0.0
 
 
 def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Frames at which some in a row outside begin that are off the place where the robot rests for RESTS_S.
 
-    None if it does not rest there, or never deviates as far as a hand carries it.
+    Empty if it does not rest there, or never deviates as far as a hand carries it.
     """
     resting = (run.time_s >= rest_s) & (run.time_s <= rest_s + RESTS_S)
     seen = np.isfinite(run.marks_mm).all(axis=1)
@@ -72,9 +68,8 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
     away = np.nan_to_num(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])))
     moved = away > ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)
-    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > CARRIED_SHARE * _apart_mm(
-        run.marks_mm[seen]
-    )
+    least_mm = CARRIED_SHARE * 2 * arm_mm(run)
+    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > least_mm
     if moved[resting & seen].any() or not (in_a_row & far).any():
         return nowhere
     return np.flatnonzero(in_a_row)

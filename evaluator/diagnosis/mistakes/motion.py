@@ -203,7 +203,7 @@ def displacement_over(run: RunData, stretch: tuple[float, float], between: tuple
     the other half, from the last pose before to the first pose after. A displacement from it counts beyond noise, the
     difference of the two velocities, and the variations of this run elsewhere.
     """
-    course, arm = midpoint_and_heading(run), _arm_mm(run)
+    course, arm = midpoint_and_heading(run), arm_mm(run)
     missing, allowed = _missing_over(course, stretch, between, arm)
     if missing <= max(allowed, LEAST_LEAP_MM):
         return 0.0
@@ -248,7 +248,7 @@ def _missing_over(
     return _carried_mark(met[1] - met[0], arm_mm), chance + unlike
 
 
-def _arm_mm(run: RunData) -> float:
+def arm_mm(run: RunData) -> float:
     """Distance from the midpoint of the marks to one of them, mm."""
     return float(np.nanmedian(np.hypot(*(run.marks_mm[:, :2] - run.marks_mm[:, 2:]).T))) / 2
 
