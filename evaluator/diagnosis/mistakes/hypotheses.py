@@ -111,12 +111,14 @@ def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) 
 def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
     """The findings without wrong commands that concern all runs of some wheel speeds, as a sticking wheel causes them.
 
-    A command is mixed up in one run, not in every run of the same speeds, forward, backward and with sides exchanged.
+    A command is mixed up in one run, not in every run of the same speeds: forward and backward, or to both sides too.
     """
     mixed_up = {item.run for item in found if item.kind == "wrong-command"}
-    regimes: dict[tuple[tuple[float, float], ...], set[str]] = {}
+    regimes: dict[object, set[str]] = {}
     for judgement in judgements:
-        regimes.setdefault(judgement.speeds, set()).add(judgement.ways[0].run.id)
+        run = judgement.ways[0].run
+        for regime in (("to both sides", judgement.speeds), ("to one side", _speeds_of_sides(run))):
+            regimes.setdefault(regime, set()).add(run.id)
     physical = set().union(*(runs for runs in regimes.values() if len(runs) > 1 and runs <= mixed_up))
     return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
 
@@ -132,6 +134,14 @@ def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
     """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
     stretches = run.run_command.driven
     return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
+
+
+def _speeds_of_sides(run: RunData) -> tuple[tuple[float, float], ...]:
+    """Wheel speeds, left and right, of a run without direction: as if it began forward."""
+    stretches = run.run_command.driven
+    pairs = [(stretch.left_rpm, stretch.right_rpm) for stretch in stretches]
+    backward = bool(pairs) and pairs[0] < (-pairs[0][0], -pairs[0][1])
+    return tuple((-left, -right) if backward else (left, right) for left, right in pairs)
 
 
 def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:

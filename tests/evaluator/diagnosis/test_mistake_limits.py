@@ -246,5 +246,11 @@ def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -
     seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, pairs) for k, pairs in enumerate(speeds)]
     assert _without_regimes(misread(0, 1, 2), seen) == misread(2)  # r3 turns as r2 should
     assert _without_regimes(misread(4), seen) == misread(4)  # nothing to compare it with
+    to_the_left = [replace(driven(k), left_rpm=side * 5.0, right_rpm=side * 33.0) for k, side in enumerate((1, -1))]
+    to_the_right = [replace(driven(k), left_rpm=side * 33.0, right_rpm=side * 5.0) for k, side in enumerate((1, -1), 2)]
+    turns = [
+        Judgement([Alternative(None, run)], np.array([1.0]), 10.0, speeds[0]) for run in to_the_left + to_the_right
+    ]
+    assert _without_regimes(misread(0, 1, 2), turns) == misread(2)  # the right wheel is driven fast in both
     swapped = Found("r0", "sides-swapped", "turns", "exchange")
     assert _without_regimes([swapped, *misread(1)], seen) == [swapped, *misread(1)]
