@@ -231,7 +231,9 @@ def _disturbance(run: RunData) -> Found | None:
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
     unlike = _unlike(motion)
-    pushed = _longest(odd & unlike, motion) or _brief_push(run, unlike, motion)
+    pushed = _longest(odd & unlike, motion)
+    if pushed is None or not _resumes(odd, motion, pushed[1]):
+        pushed = _brief_push(run, unlike, motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
         return Found(run.id, "pushed", seen, "inspect the recording: was the robot pushed or pulled?")
@@ -249,6 +251,12 @@ def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float
         if end - begin < BRIEF_S and displacement_over(run, stretch, span) > 0:
             return stretch
     return None
+
+
+def _resumes(odd: np.ndarray, motion: Motion, end_s: float) -> bool:
+    """Whether a run moves as usual again after an interval: a push ends, another regime of friction lasts."""
+    after = odd[motion.time_s > end_s]
+    return len(after) > 0 and 2 * np.count_nonzero(after) < len(after)
 
 
 def _is_stop(motion: Motion, held: tuple[float, float]) -> bool:

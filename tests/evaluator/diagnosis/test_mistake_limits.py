@@ -185,6 +185,14 @@ def test_of_two_mistakes_of_a_run_the_one_is_told_that_hides_the_other() -> None
     assert mistakes_of(both, 5)[0].sentence == "r0: a; a"
 
 
+@pytest.mark.parametrize(("until_s", "kind"), [(2.3, "pushed"), (4.0, None)])
+def test_push_ends_and_another_regime_of_friction_lasts(until_s: float, kind: str | None) -> None:
+    run = driven()
+    speed = np.where((run.time_s > 1.8) & (run.time_s < until_s), 3.0, 1.5)
+    found = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
+    assert kinds(found) == ([("r0", kind)] if kind else [])
+
+
 @pytest.mark.parametrize(("pushed_mm", "kind"), [(0.6, "pushed"), (0.05, None)])
 def test_push_of_a_fifth_of_a_second_is_seen_by_how_far_it_carries(pushed_mm: float, kind: str | None) -> None:
     run = driven()
