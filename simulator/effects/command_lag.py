@@ -5,7 +5,7 @@ from __future__ import annotations
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import PAPER_SIZE, Parameter
+from simulator.effects.parameter import Parameter
 
 DEAD_TIME = Parameter("dead_time_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
 TIME_CONSTANT = Parameter("time_constant_s", "s", 0.0, 0.01, 0.0, 2.0, at_least=0.0, shown=0.5)
@@ -32,7 +32,7 @@ def _fitted(scene: Scene) -> Candidate:
         return {"dead_time_s": delay * (1 - share**0.5), "time_constant_s": delay * share**0.5}
 
     delay = Coordinate("delay_s", 0.0, DEAD_TIME.step, DEAD_TIME.low, DEAD_TIME.high)
-    starts = () if scene.size == PAPER_SIZE else DELAYS
+    starts = DELAYS if scene.size.on_ground else ()
     return Candidate("command-lag", (delay, Coordinate("share", 0.0, 0.1, 0.0, 1.0, closed=True)), physical, starts)
 
 

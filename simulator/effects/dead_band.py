@@ -5,7 +5,7 @@ from __future__ import annotations
 from simulator.effects.coordinates import Candidate, Parameters, Scene, coordinate
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import PAPER_SIZE, Parameter
+from simulator.effects.parameter import Parameter
 
 RPM = Parameter("rpm", "rpm", 0.0, 1.0, 0.0, 1e3, at_least=0.0)
 
@@ -22,7 +22,7 @@ def _fitted(scene: Scene) -> Candidate:
     """
     levels = sorted({round(level, 6) for level in scene.command_levels_rpm if level > 0})
     gaps = tuple(zip(levels, [*levels[1:], 2 * levels[-1]], strict=True)) if levels else ()
-    gaps = gaps if scene.size == PAPER_SIZE else gaps[:-1]
+    gaps = gaps[:-1] if scene.size.on_ground else gaps
 
     def physical(values: tuple[float, ...]) -> Parameters:
         return {"rpm": float(values[0])}

@@ -7,7 +7,7 @@ import math
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene, plain
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import PAPER_SIZE, Parameter
+from simulator.effects.parameter import Parameter
 
 FACTOR = Parameter("factor", "", 1.0, 0.01, 0.2, 5.0, at_least=0.01, shown=3.0)
 # Friction of tyres: sliding on ice, and peak on dry asphalt (Wong 2008, Theory of Ground Vehicles, Table 1.3). A robot
@@ -26,7 +26,7 @@ def _act(draft: Draft, values: Values) -> None:
 
 def _fitted(scene: Scene) -> Candidate:
     """The factor itself on a plate; its logarithm on ground, where it may be wrong by several times."""
-    if scene.size == PAPER_SIZE:
+    if not scene.size.on_ground:
         return plain("friction-level", (FACTOR,))
 
     def physical(values: tuple[float, ...]) -> Parameters:

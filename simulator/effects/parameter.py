@@ -40,6 +40,10 @@ UNITS = {
 }
 
 
+# Largest size on a plate: wheels 45 mm from their middle, so that tight turns need a quarter of a metre of plate.
+ON_PLATE = 16.0
+
+
 @dataclass(frozen=True)
 class Size:
     """Size of a robot relative to the paper's: ratios of length and of wheel load.
@@ -50,6 +54,11 @@ class Size:
 
     length: float = 1.0
     force: float = 1.0
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether the robot is too large for a plate, and drives on open ground."""
+        return self.length > ON_PLATE
 
     def of(self, unit: str) -> float:
         """Factor by which a quantity with this unit, a key of UNITS, is scaled for the robot."""
@@ -72,7 +81,7 @@ class Parameter:
     small change that is visible in the marks, for finite differences and scaling; low, high: bounds of a fit; at_least:
     smaller values are physically impossible and refused; period: of an angle, in its unit, else None; shown: value at
     which the catalogue draws the effect, by default SHOWN_STEPS steps from absent; on_ground: bounds of a fit to a
-    robot of another size than the paper's, if they are not proportional to it; closed: see Coordinate; begin: initial
+    robot on open ground, if they are not proportional to its size; closed: see Coordinate; begin: initial
     value of a fit of a user's effect, besides those from linearization.
     """
 
@@ -96,7 +105,7 @@ class Parameter:
 
     def sized(self, size: Size) -> Parameter:
         """The parameter with the step and the bounds of a fit to a robot of another size."""
-        if self.on_ground and size != PAPER_SIZE:
+        if self.on_ground and size.on_ground:
             return replace(self, low=self.on_ground[0], high=self.on_ground[1])
         factor = size.of(self.unit)
         if factor == 1.0:

@@ -28,8 +28,8 @@ def size_of(robot: Robot) -> Size:
 
 
 def is_full_size(robot: Robot) -> bool:
-    """Whether a robot is larger than one of a plate, and drives on open ground."""
-    return size_of(robot) != PAPER_SIZE
+    """Whether a robot is too large for a plate, and drives on open ground."""
+    return size_of(robot).on_ground
 
 
 def named_terms(
@@ -51,5 +51,5 @@ def named_terms(
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}
-    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and size == PAPER_SIZE}
+    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not size.on_ground}
     return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if id_ not in left_out}

@@ -24,6 +24,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
 from simulator.effects.coordinates import Candidate
+from simulator.effects.parameter import Size
 
 Floats = NDArray[np.float64]
 
@@ -154,7 +155,7 @@ class Problem:
         two seconds of poses absorbed any dynamics of the drive, so that their scatter reached the end of its grid and
         few fits converged. See noise/discrepancy.py.
         """
-        return self.length > 1
+        return Size(self.length).on_ground
 
     @property
     def of_tracking(self) -> Problem:

@@ -256,7 +256,7 @@ def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float
 def _resumes(odd: np.ndarray, motion: Motion, end_s: float) -> bool:
     """Whether a run moves as usual again after an interval: a push ends, another regime of friction lasts."""
     after = odd[motion.time_s > end_s]
-    return len(after) > 0 and 2 * np.count_nonzero(after) < len(after)
+    return bool(2 * np.count_nonzero(after) < len(after))
 
 
 def _is_stop(motion: Motion, held: tuple[float, float]) -> bool:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.verdict import material_gain
-from evaluator.diagnosis.candidates.coordinates import named_terms, size_of
+from evaluator.diagnosis.candidates.coordinates import is_full_size, named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import varied_robot
@@ -56,6 +58,19 @@ FIELDS = ("id", "left_rpm", "right_rpm", "start_s", "stop_s", "time_s")
 @pytest.mark.parametrize("name", [name for name in shipped_robots() if name != "four_driven"])  # that is of 50 kg
 def test_shipped_robots_keep_the_steps_that_were_chosen_for_them(name: str) -> None:
     assert size_of(load_robot(name)) == PAPER_SIZE
+
+
+@pytest.mark.parametrize(("times", "on_ground"), [(10.0, False), (15.0, False), (17.0, True)])
+def test_robot_of_some_centimetres_drives_on_a_plate_where_friction_differs_between_runs(
+    times: float, on_ground: bool
+) -> None:
+    robot = load_robot("barrel")
+    assert robot.wheels is not None
+    wheels = robot.wheels.model_copy(update={"wheelbase_mm": 4.0 * times, "track_mm": 4.0 * times})
+    large = robot.model_copy(update={"wheels": wheels})
+    problem = Problem((), cast("Simulated", None), (), (), (), 1.0, size_of(large).length)
+    assert is_full_size(large) == problem.open_ground == on_ground
+    assert (3 in problem.varied) != on_ground  # friction
 
 
 def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_and_its_load_beside_the_papers() -> None:
