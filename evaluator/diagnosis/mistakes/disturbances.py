@@ -282,7 +282,7 @@ def _longest(mask: np.ndarray, motion: Motion) -> tuple[float, float] | None:
 
 
 def _stretches(mask: np.ndarray, motion: Motion) -> list[tuple[float, float]]:
-    """Begin and end, s, of the intervals of a mask."""
-    padded = np.concatenate([[False], mask, [False]]).astype(int)
-    begins, ends = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1) - 1
-    return [(float(motion.time_s[b]), float(motion.time_s[e])) for b, e in zip(begins, ends, strict=True)]
+    """Begin and end, s, of the intervals of a mask; an interval without frames longer than a window ends one."""
+    together = mask[1:] & mask[:-1] & (np.diff(motion.time_s) <= WINDOW_S)
+    begins, ends = mask & ~np.insert(together, 0, False), mask & ~np.append(together, False)
+    return list(zip(motion.time_s[begins].tolist(), motion.time_s[ends].tolist(), strict=True))

@@ -193,6 +193,16 @@ def test_push_ends_and_another_regime_of_friction_lasts(until_s: float, kind: st
     assert kinds(found) == ([("r0", kind)] if kind else [])
 
 
+def test_tracking_errors_at_both_ends_of_a_gap_are_no_push() -> None:
+    run = driven()
+    off = np.where((run.time_s > 1.4) & (run.time_s < 1.5), 1.0, 0.0) - np.where(
+        (run.time_s > 2.0) & (run.time_s < 2.1), 1.0, 0.0
+    )
+    marks = run.marks_mm + np.clip(off, -1, 1)[:, None] * [0.0, 0.25, 0.0, 0.25]
+    marks[(run.time_s > 1.5) & (run.time_s < 2.0)] = np.nan
+    assert kinds(disturbed_runs(session(replace(run, marks_mm=marks)), [ROBOT] * 8)) == []
+
+
 @pytest.mark.parametrize(("pushed_mm", "kind"), [(0.6, "pushed"), (0.05, None)])
 def test_push_of_a_fifth_of_a_second_is_seen_by_how_far_it_carries(pushed_mm: float, kind: str | None) -> None:
     run = driven()
