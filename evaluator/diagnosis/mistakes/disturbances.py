@@ -196,9 +196,14 @@ def _faster_rpm(run: RunData) -> float:
 
 
 def _span(run: RunData) -> tuple[float, float]:
-    """Interval, s, in which a run moves at its command: after its motors have reached their speed, until they stop."""
+    """Interval, s, in which a run moves at its command: after its motors have reached their speed, until they stop.
+
+    If the recording shows the robot at rest before, it begins where motion does: a late start is no hold.
+    """
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
-    return max(run.start_s, float(run.time_s[0])) + SETTLED_S, end
+    begins = onset(run) if run.time_s[0] < run.start_s else None
+    start = max(run.start_s, float(run.time_s[0]), -np.inf if begins is None else begins.time_s)
+    return start + SETTLED_S, end
 
 
 def _carried_off(run: RunData) -> Found | None:

@@ -193,6 +193,12 @@ def test_push_ends_and_another_regime_of_friction_lasts(until_s: float, kind: st
     assert kinds(found) == ([("r0", kind)] if kind else [])
 
 
+def test_a_start_that_is_late_by_most_of_a_second_is_no_hold() -> None:
+    data = session(driven(0, begins_s=1.5))
+    assert kinds(disturbed_runs(data, [ROBOT] * 8)) == []
+    assert kinds(late_starts(data, [ROBOT] * 8)) == [("r0", "late-start")]
+
+
 def test_tracking_errors_at_both_ends_of_a_gap_are_no_push() -> None:
     run = driven()
     off = np.where((run.time_s > 1.4) & (run.time_s < 1.5), 1.0, 0.0) - np.where(
