@@ -40,6 +40,7 @@ MOTORS_S = 0.3
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path that the wheels would roll without slip
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
+CREEPS_SHARE = 0.2  # of that speed: a robot that is faster does not stand
 HELD_S = 0.25  # least duration of a disturbance, longer than the window of a velocity
 BRIEF_S = 0.5  # within it a robot moves by one or two millimetres, too little for a force that varies over the plate
 SETTLED_S = 0.5  # after the start: the motors have reached their speed
@@ -230,7 +231,7 @@ def _disturbance(run: RunData) -> Found | None:
     halves = np.array_split(motion.along, 2)
     driven = max(abs(usual), *(abs(float(np.median(half))) for half in halves))
     held = _longest(speed < HELD_SHARE * driven, motion)
-    if held is not None and driven > 0 and _is_stop(motion, held):
+    if held is not None and driven > 0 and _is_stop(motion, held, driven):
         seen = f"stands still from {held[0]:.2f} to {held[1]:.2f} s with its motors on"
         return Found(run.id, "stuck", seen, "inspect the recording: is the robot caught on something?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
@@ -264,11 +265,13 @@ def _resumes(odd: np.ndarray, motion: Motion, end_s: float) -> bool:
     return bool(2 * np.count_nonzero(after) < len(after))
 
 
-def _is_stop(motion: Motion, held: tuple[float, float]) -> bool:
-    """Whether the robot nearly stands still in an interval, also in yaw."""
+def _is_stop(motion: Motion, held: tuple[float, float], driven: float) -> bool:
+    """Whether the robot nearly stands still in an interval, also in yaw; driven: its usual speed, mm/s."""
     inside = (motion.time_s >= held[0]) & (motion.time_s <= held[1])
     usual = float(np.median(np.abs(motion.yaw)))
-    return bool(np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))
+    # a spring or a slope can slow a robot down, and it creeps on: single velocities are noisy, their median is not
+    creeps = np.hypot(np.median(motion.along[inside]), np.median(motion.across[inside])) > CREEPS_SHARE * driven
+    return bool(not creeps and np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))
 
 
 def _unlike(motion: Motion) -> np.ndarray:

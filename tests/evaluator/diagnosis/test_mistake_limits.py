@@ -199,6 +199,13 @@ def test_a_start_that_is_late_by_most_of_a_second_is_no_hold() -> None:
     assert kinds(late_starts(data, [ROBOT] * 8)) == [("r0", "late-start")]
 
 
+@pytest.mark.parametrize(("share", "kind"), [(0.25, None), (0.1, "stuck")])
+def test_robot_that_creeps_does_not_stand(share: float, kind: str | None) -> None:
+    run = driven()
+    found = disturbed_runs(session(driven(speed=np.where(run.time_s > 2.0, 1.5 * share, 1.5))), [ROBOT] * 8)
+    assert kinds(found) == ([("r0", kind)] if kind else [])
+
+
 def test_tracking_errors_at_both_ends_of_a_gap_are_no_push() -> None:
     run = driven()
     off = np.where((run.time_s > 1.4) & (run.time_s < 1.5), 1.0, 0.0) - np.where(
