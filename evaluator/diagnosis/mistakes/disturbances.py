@@ -238,7 +238,7 @@ def _disturbance(run: RunData) -> Found | None:
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
     unlike = _unlike(motion)
     pushed = _longest(odd & unlike, motion)
-    if pushed is None or not _resumes(odd, motion, pushed[1]):
+    if pushed is None or not _interrupts(pushed, odd, motion):
         pushed = _brief_push(run, unlike, motion)
     if pushed is not None:
         seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
@@ -259,10 +259,13 @@ def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float
     return None
 
 
-def _resumes(odd: np.ndarray, motion: Motion, end_s: float) -> bool:
-    """Whether a run moves as usual again after an interval: a push ends, another regime of friction lasts."""
-    after = odd[motion.time_s > end_s]
-    return bool(2 * np.count_nonzero(after) < len(after))
+def _interrupts(stretch: tuple[float, float], odd: np.ndarray, motion: Motion) -> bool:
+    """Whether a run moves as usual before an interval, s, and after it.
+
+    A push ends; backlash of a gear shows at the start, and another regime of friction lasts.
+    """
+    around = odd[motion.time_s < stretch[0]], odd[motion.time_s > stretch[1]]
+    return all(2 * np.count_nonzero(part) < len(part) for part in around)
 
 
 def _is_stop(motion: Motion, held: tuple[float, float], driven: float) -> bool:

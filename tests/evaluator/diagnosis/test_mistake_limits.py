@@ -185,10 +185,11 @@ def test_of_two_mistakes_of_a_run_the_one_is_told_that_hides_the_other() -> None
     assert mistakes_of(both, 5)[0].sentence == "r0: a; a"
 
 
-@pytest.mark.parametrize(("until_s", "kind"), [(2.3, "pushed"), (4.0, None)])
-def test_push_ends_and_another_regime_of_friction_lasts(until_s: float, kind: str | None) -> None:
+@pytest.mark.parametrize(("from_s", "until_s", "kind"), [(1.8, 2.3, "pushed"), (1.8, 4.0, None), (0.4, 1.5, None)])
+def test_push_interrupts_usual_motion(from_s: float, until_s: float, kind: str | None) -> None:
+    """Another regime of friction lasts, and backlash of a gear shows at the start."""
     run = driven()
-    speed = np.where((run.time_s > 1.8) & (run.time_s < until_s), 3.0, 1.5)
+    speed = np.where((run.time_s > from_s) & (run.time_s < until_s), 3.0, 1.5)
     found = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
     assert kinds(found) == ([("r0", kind)] if kind else [])
 
