@@ -9,6 +9,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
+from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, stretches, unlike
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
@@ -20,7 +21,7 @@ from evaluator.diagnosis.mistakes.motion import (
     onset,
 )
 from evaluator.diagnosis.mistakes.phases import phases_of
-from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
 from evaluator.turning.status import SPACING_SHARE
@@ -41,7 +42,6 @@ LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen 
 STANDS_SHARE = 0.05  # of the path that the wheels would roll without slip
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
 CREEPS_SHARE = 0.2  # of that speed: a robot that is faster does not stand
-HELD_S = 0.25  # least duration of a disturbance, longer than the window of a velocity
 BRIEF_S = 0.5  # within it a robot moves by one or two millimetres, too little for a force that varies over the plate
 SETTLED_S = 0.5  # after the start: the motors have reached their speed
 
@@ -154,7 +154,9 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         moved = jump(run)
         if moved is not None:
             seen = f"both marks jump by {moved[1]:.2f} mm at {moved[0]:.2f} s"
-            found.append(Found(run.id, "camera-moved", seen, "was the camera moved, or the robot displaced?"))
+            found.append(
+                Found(run.id, "camera-moved", seen, "was the camera moved, or the robot displaced?", ("pushed",))
+            )
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
         found += [item for phase in moving if (item := _disturbance(phase) or _carried_off(phase)) is not None][:1]
@@ -227,45 +229,43 @@ def _disturbance(run: RunData) -> Found | None:
     turning = float(np.median(motion.yaw))
     size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed: lever of half a mm
     speed = np.hypot(motion.along, motion.across)
-    # a run that stops early is at rest for most of its time: the speeds of both halves count as usual, too
-    halves = np.array_split(motion.along, 2)
-    driven = max(abs(usual), *(abs(float(np.median(half))) for half in halves))
-    held = _longest(speed < HELD_SHARE * driven, motion)
+    # a run that stops early is at rest for most of its time: the speed of each quarter counts as usual, too
+    quarters = np.array_split(motion.along, 4)
+    driven = max(abs(usual), *(abs(float(np.median(quarter))) for quarter in quarters))
+    held = longest(speed < HELD_SHARE * driven, motion)
     if held is not None and driven > 0 and _is_stop(motion, held, driven):
         seen = f"stands still from {held[0]:.2f} to {held[1]:.2f} s with its motors on"
         return Found(run.id, "stuck", seen, "inspect the recording: is the robot caught on something?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
-    unlike = _unlike(motion)
-    pushed = _longest(odd & unlike, motion)
-    if pushed is None or not _interrupts(pushed, odd, motion):
-        pushed = _brief_push(run, unlike, motion)
-    if pushed is not None:
-        seen = f"moves unlike the rest of the run from {pushed[0]:.2f} to {pushed[1]:.2f} s"
-        return Found(run.id, "pushed", seen, "inspect the recording: was the robot pushed or pulled?")
-    return None
+    strange = unlike(motion)
+    pushed = longest(odd & strange, motion)
+    if pushed is not None and interrupts(pushed, odd, motion):
+        return Found(run.id, "pushed", _unlike_from(pushed), "inspect the recording: was the robot pushed or pulled?")
+    pushed = _brief_push(run, strange, motion)
+    if pushed is None:
+        return None
+    # the velocity of a window on either side of a jump is odd, too
+    at_once: tuple[Kind, ...] = ("camera-moved",) if pushed[1] - pushed[0] <= 2.1 * WINDOW_S else ()
+    remedy = f"inspect the recording: was the robot pushed{', or the camera moved' * len(at_once)}?"
+    return Found(run.id, "pushed", _unlike_from(pushed), remedy, at_once)
 
 
-def _brief_push(run: RunData, unlike: np.ndarray, motion: Motion) -> tuple[float, float] | None:
+def _unlike_from(stretch: tuple[float, float]) -> str:
+    return f"moves unlike the rest of the run from {stretch[0]:.2f} to {stretch[1]:.2f} s"
+
+
+def _brief_push(run: RunData, strange: np.ndarray, motion: Motion) -> tuple[float, float] | None:
     """Begin and end, s, of a brief displacement or rotation of a run off its path.
 
     A tracking error in a frame also disturbs the velocity, but afterwards the robot is on its path.
     """
     span = _span(run)
-    for begin, end in _stretches(unlike, motion):
+    for begin, end in stretches(strange, motion):
         stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
         if end - begin < BRIEF_S and displacement_over(run, stretch, span) > 0:
             return stretch
     return None
-
-
-def _interrupts(stretch: tuple[float, float], odd: np.ndarray, motion: Motion) -> bool:
-    """Whether a run moves as usual before an interval, s, and after it.
-
-    A push ends; backlash of a gear shows at the start, and another regime of friction lasts.
-    """
-    around = odd[motion.time_s < stretch[0]], odd[motion.time_s > stretch[1]]
-    return all(2 * np.count_nonzero(part) < len(part) for part in around)
 
 
 def _is_stop(motion: Motion, held: tuple[float, float], driven: float) -> bool:
@@ -275,25 +275,3 @@ def _is_stop(motion: Motion, held: tuple[float, float], driven: float) -> bool:
     # a spring or a slope can slow a robot down, and it creeps on: single velocities are noisy, their median is not
     creeps = np.hypot(np.median(motion.along[inside]), np.median(motion.across[inside])) > CREEPS_SHARE * driven
     return bool(not creeps and np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))
-
-
-def _unlike(motion: Motion) -> np.ndarray:
-    """Times at which the motion deviates far from the usual variation of the run (median, mean absolute deviation)."""
-    out = np.zeros(len(motion.time_s), dtype=np.bool_)
-    for values in (motion.along, motion.across, motion.yaw):
-        middle = np.median(values)
-        out |= np.abs(values - middle) > 8 * 1.4826 * np.median(np.abs(values - middle))
-    return out
-
-
-def _longest(mask: np.ndarray, motion: Motion) -> tuple[float, float] | None:
-    """Begin and end, s, of the longest interval of a mask, if it lasts HELD_S; else None."""
-    spans = [(begin, end) for begin, end in _stretches(mask, motion) if end - begin >= HELD_S]
-    return max(spans, key=lambda span: span[1] - span[0], default=None)
-
-
-def _stretches(mask: np.ndarray, motion: Motion) -> list[tuple[float, float]]:
-    """Begin and end, s, of the intervals of a mask; an interval without frames longer than a window ends one."""
-    together = mask[1:] & mask[:-1] & (np.diff(motion.time_s) <= WINDOW_S)
-    begins, ends = mask & ~np.insert(together, 0, False), mask & ~np.append(together, False)
-    return list(zip(motion.time_s[begins].tolist(), motion.time_s[ends].tolist(), strict=True))

@@ -207,6 +207,16 @@ def test_robot_that_creeps_does_not_stand(share: float, kind: str | None) -> Non
     assert kinds(found) == ([("r0", kind)] if kind else [])
 
 
+@pytest.mark.parametrize(("over_s", "others"), [(0.1, ("camera-moved",)), (0.35, ())])
+def test_displacement_along_the_path_may_be_of_the_camera_if_it_is_sudden(
+    over_s: float, others: tuple[str, ...]
+) -> None:
+    run = driven()
+    off = 0.6 * np.clip((run.time_s - 1.5) / over_s, 0, 1)
+    (found,) = disturbed_runs(session(replace(run, marks_mm=run.marks_mm + off[:, None] * [1, 0, 1, 0])), [ROBOT] * 8)
+    assert (found.kind, found.equivalent) == ("pushed", others)
+
+
 def test_tracking_errors_at_both_ends_of_a_gap_are_no_push() -> None:
     run = driven()
     off = np.where((run.time_s > 1.4) & (run.time_s < 1.5), 1.0, 0.0) - np.where(
@@ -263,11 +273,12 @@ def test_mistake_of_all_runs_that_could_show_it_is_said_once() -> None:
     assert len(mistakes_of(swapped, 9)) == 5
 
 
-def test_stop_for_good_is_a_stop_to_the_end_of_the_recording() -> None:
+@pytest.mark.parametrize(("stop_s", "seen"), [(1.6, "1.67 to 2.87"), (1.4, "1.45 to 2.87")])
+def test_stop_for_good_is_a_stop_to_the_end_of_the_recording(stop_s: float, seen: str) -> None:
     run = driven()
-    speed = np.where(run.time_s < 1.6, 1.5, 0.0)  # after a second: it stands longer than it drives
+    speed = np.where(run.time_s < stop_s, 1.5, 0.0)  # after a second: it stands longer than it drives
     (found,) = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
-    assert (found.kind, found.seen) == ("stuck", "stands still from 1.67 to 2.87 s with its motors on")
+    assert (found.kind, found.seen) == ("stuck", f"stands still from {seen} s with its motors on")
 
 
 def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes import recognise as module
-from evaluator.diagnosis.mistakes.disturbances import _unlike
+from evaluator.diagnosis.mistakes.intervals import unlike
 from evaluator.diagnosis.mistakes.motion import Motion
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from evaluator.interchange.commands import RunCommand
@@ -86,7 +86,7 @@ def test_moments_are_unlike_a_run_beyond_eight_of_its_own_standard_deviations() 
     """Nine values of which half lie beyond 1 of their median: a standard deviation of 1.4826."""
     usual = np.array([-2.0, -1.0, -1.0, 0.0, 0.0, 1.0, 1.0, 2.0, 0.0])
     for channel in range(3):
-        for sigmas, unlike in ((7.9, False), (8.1, True), (-8.1, True)):
+        for sigmas, is_unlike in ((7.9, False), (8.1, True), (-8.1, True)):
             values = np.tile(usual + 5.0, (3, 1))
             values[channel, -1] += sigmas * 1.4826
-            assert _unlike(Motion(np.arange(9.0), *values)).tolist() == [False] * 8 + [unlike]
+            assert unlike(Motion(np.arange(9.0), *values)).tolist() == [False] * 8 + [is_unlike]
