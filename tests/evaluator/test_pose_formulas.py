@@ -181,6 +181,13 @@ def test_marks_in_one_place_have_no_heading_and_are_no_measure_of_the_usual_dist
     assert poses.spacing_ratio()[0] == pytest.approx(1.0)
 
 
+def test_three_marks_in_one_place_have_no_heading_either() -> None:
+    places = {"front": (2.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
+    marks = resting(places, 5)
+    marks.loc[2, [f"{name}_{axis}_mm" for name in places for axis in "xy"]] = 1.0
+    assert poses_from_marks(marks, MarkGeometry(places)).status[2] == "the marks are at one position: no heading"
+
+
 def test_table_without_places_on_the_plate_is_refused() -> None:
     with pytest.raises(InputError, match="yellow_y_mm"):
         poses_from_marks(table().drop(columns="yellow_y_mm"), LOPSIDED)
@@ -268,6 +275,17 @@ def test_the_yaw_rate_beside_a_gap_is_the_usual_one_of_five_frames_to_either_sid
         broken[40:70] = np.nan
         found = unwrapped_across_gaps(time, broken)
         assert found[-1] - found[0] == pytest.approx(heading[-1])
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_as_many_frames_count_before_a_gap_as_after_it(sense: int) -> None:
+    """The robot turns five times as fast after the gap as before it: in the gap, as the mean of both."""
+    rate = np.concatenate([np.full(40, 0.1), np.full(41, 0.3), np.full(40, 0.5)])[::sense]
+    heading = np.concatenate([[0.0], np.cumsum(rate)])
+    broken = np.angle(np.exp(1j * heading))
+    broken[41:81] = np.nan
+    found = unwrapped_across_gaps(np.arange(len(heading)) / 50, broken)
+    assert found[-1] - found[0] == pytest.approx(heading[-1])
 
 
 def test_a_step_of_one_and_a_half_intervals_is_a_gap_and_a_shorter_one_is_not() -> None:

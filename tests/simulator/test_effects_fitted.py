@@ -44,6 +44,70 @@ def test_other_effects_are_fitted_in_their_parameters(effect_id: str) -> None:
         assert (item.absent, item.step) == (given.absent, given.step)
 
 
+@pytest.mark.parametrize("effect_id", sorted(set(EFFECTS) - {"friction-level", "plane-scale", "time-base"}))
+def test_coordinates_of_a_larger_robot_give_parameters_that_are_larger_by_their_units(effect_id: str) -> None:
+    """Steps from nothing on a robot seven times as long, whose wheels carry eleven times as much."""
+    size, steps = Size(7.0, 11.0), (2.0, 3.0, -1.0, 1.0)
+    paper, large = (
+        EFFECTS[effect_id].candidate(scene) for scene in (SCENE, Scene(140.0, SCENE.command_levels_rpm, size))
+    )
+    told = [
+        found.physical(tuple(c.absent + n * c.step for c, n in zip(found.coordinates, steps, strict=False)))
+        for found in (paper, large)
+    ]
+    for item in EFFECTS[effect_id].parameters:
+        assert told[1][item.name] - item.absent == pytest.approx(
+            size.of(item.unit) * (told[0][item.name] - item.absent)
+        )
+    for small, big in zip(paper.coordinates, large.coordinates, strict=True):
+        factor = big.step / small.step
+        ends = [(bound - small.absent) * factor + small.absent for bound in (small.low, small.high)]
+        assert (big.low, big.high) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_a_number_that_an_entry_leaves_out_is_that_of_no_effect(effect_id: str) -> None:
+    """A factor of one, a speed that no wheel reaches, a point at the origin, an attraction with the square."""
+    for item in EFFECTS[effect_id].parameters:
+        factor = item.name.endswith(("factor", "left_over_right"))
+        usual = 1e6 if effect_id.endswith("-limit") else 2.0 if item.name == "exponent" else float(factor)
+        assert item.absent == usual
+
+
+# An effect that a fit brings to a bound is no answer: it imitates something else.
+BOUNDS = {
+    "axle-compliance": [(-20, 20)],
+    "camera-tilt": [(-0.02, 0.02)] * 2 + [(0, 1)],  # of a camera 50 mm away; from a linear change to a homography
+    "drive-speed-mismatch": [(0.5, 2)],  # beyond half and twice, a length, a time or a gear is another one
+    "drive-speed-scale": [(0.5, 2)],
+    "plane-scale": [(0.5, 2)],
+    "time-base": [(0.5, 2)],
+    "friction-across": [(0.3, 3)],
+    "friction-gradient": [(-0.05, 0.05)] * 2,  # nothing is left 20 mm away
+    "friction-grain": [(-0.9, 0.9)] * 2,  # no direction without friction
+    "friction-level": [(0.2, 5)],
+    "magnet-imbalance": [(0.2, 5)],
+    "mark-offset": [(-3, 3)] * 2 + [(-45, 45)],
+    "mass-offset": [(-1.9, 1.9)] * 2,  # within the wheels, at 2 mm
+    "motor-droop": [(0, 0.1)],
+    "plate-tilt": [(-45, 45)] * 2,
+    "rolling-drag": [(0, 0.5)],
+    "scrub-torque": [(0, 2)],
+    "sliding-friction": [(0, 1)],
+    "speed-drift": [(-0.05, 0.05)],
+    "speed-ripple": [(-0.5, 0.5)] * 2,
+    "tether-pull": [(-20, 20)] * 2,  # less than friction holds, of 54 mN
+    "viscous-drag": [(0, 10), (0, 1e6)],
+    "wheel-toe": [(-30, 30)] * 2,
+}
+
+
+@pytest.mark.parametrize("effect_id", sorted(BOUNDS))
+def test_a_fit_ends_where_an_effect_would_be_something_else(effect_id: str) -> None:
+    found = [(item.low, item.high) for item in candidate(effect_id).coordinates]
+    assert found == pytest.approx(np.array(BOUNDS[effect_id]))
+
+
 @pytest.mark.parametrize("effect_id", sorted(EFFECTS))
 def test_a_fit_may_begin_where_the_effect_is_absent_and_at_its_starts(effect_id: str) -> None:
     found, declared = candidate(effect_id), EFFECTS[effect_id]

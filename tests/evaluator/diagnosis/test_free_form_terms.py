@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import pytest
 
 from evaluator.diagnosis.candidates.free_form import (
+    BASIS_SIZE,
     BASIS_WORDS,
+    CHANNEL_STEP,
     CHANNEL_WORDS,
     RELATIVE,
     FreeTerm,
@@ -22,6 +25,57 @@ LARGE = Size(length=100.0, force=1e4)
 
 def only(term: str) -> FreeTerm:
     return free_terms()[f"free:{term}"]
+
+
+def test_every_place_where_a_cause_can_act_has_its_families() -> None:
+    """A family that is left out is physics that nobody finds."""
+    families = Counter(term.items[0].channel for term in free_terms().values())
+    assert families == {
+        "force_forward": 8,
+        "force_left": 10,
+        "force_plate_x": 4,
+        "moment": 13,
+        "speed": 20,
+        "steer": 8,
+        "drag": 6,
+        "load": 8,
+        "friction": 30,
+        "stiffness": 8,
+        "left_drive": 4,
+        "camera_x": 3,
+    }
+
+
+def test_families_of_one_side_have_their_like_on_the_other() -> None:
+    def mirrored(name: str) -> str:
+        if "left-right" in name or name == "force_left":  # their coefficients may have either sign
+            return name
+        return name.replace("left", "*").replace("right", "left").replace("*", "right")
+
+    places = [[part for part, _ in term.acting([0.0] * len(term.items))] for term in free_terms().values()]
+    assert {frozenset((item.channel, item.basis, item.pattern) for item in one) for one in places} == {
+        frozenset((mirrored(item.channel), mirrored(item.basis), mirrored(item.pattern)) for item in one)
+        for one in places
+    }
+
+
+def test_steps_of_one_unit_are_alike_and_bases_have_the_size_of_what_they_are_powers_of() -> None:
+    unlike = {
+        unit: {CHANNEL_STEP[channel] for channel, (_, its) in CHANNEL_WORDS.items() if its == unit}
+        for unit in ("mN", "mm", "rpm")
+    }
+    assert unlike == {"mN": {0.02}, "mm": {0.02}, "rpm": {0.002}}
+    assert CHANNEL_STEP["moment"] == pytest.approx(1e3 * CHANNEL_STEP["force_left"])  # at 1 mm from the middle
+    assert (
+        CHANNEL_STEP["speed"]
+        == CHANNEL_STEP["left_drive"]
+        == pytest.approx(math.radians(CHANNEL_STEP["steer"]), rel=0.2)
+    )
+    assert {CHANNEL_STEP[name] for name in ("load", "stiffness", "friction", "friction_across")} == {0.01}
+    powers = {"abs_u": ("u", 1), "u_abs_u": ("u", 2), "v_abs_v": ("v", 2), "y": ("x", 1), "x_r_squared": ("x", 3)}
+    powers |= {"y_r_squared": ("y", 3), "abs_yaw_rate": ("yaw_rate", 1), "yaw_rate_abs": ("yaw_rate", 2)}
+    for basis, (base, power) in powers.items():
+        assert BASIS_SIZE[basis] == pytest.approx(BASIS_SIZE[base] ** power, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -69,8 +123,18 @@ def test_steps_and_bounds_are_as_many_times_as_large_as_what_they_measure(term: 
 
 def test_a_relative_change_keeps_friction_load_and_speed_above_nought() -> None:
     assert all(low > -1 for name, (low, _) in RELATIVE.items() if not name.endswith("drive"))
-    constant = only("friction.one.driving").coordinates[0]
-    assert (constant.low, constant.high) == (-0.9, 2.0)  # at least a tenth, three times at most
+    bounds = {
+        "friction.one.driving": (-0.9, 2.0),  # at least a tenth, three times at most
+        "load.one.front-rear": (-0.9, 2.0),
+        "stiffness.one.driving": (-0.9, 6.0),  # a law of another shape may be several times as steep
+        "speed.sign_u.driving": (-0.6, 0.6),
+        "left_drive.right_command+right_drive.left_command": (
+            -1.5,
+            1.5,
+        ),  # a side may turn by the other's command alone
+    }
+    for term, ends in bounds.items():
+        assert (only(term).coordinates[0].low, only(term).coordinates[0].high) == ends
     wave = only("friction.cos_heading+friction.sin_heading").coordinates[0]
     assert (wave.low, wave.high) == (-0.9, 0.9)  # takes as much as it gives
     fast = only("friction.abs_u").coordinates[0]
