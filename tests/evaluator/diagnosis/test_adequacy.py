@@ -62,10 +62,24 @@ def test_a_wheel_that_is_dirty_for_three_runs_is_told_of_these() -> None:
     assert found.change == pytest.approx(0.015, rel=0.15)
 
 
-def test_runs_that_scatter_by_chance_are_hardly_ever_unlike() -> None:
-    rng = np.random.default_rng(4)
-    said = [bool(unlike_runs(_left(rng, np.zeros(runs)), range(runs))) for runs in (8, 20) for _ in range(300)]
-    assert np.mean(said) < 0.01
+@pytest.mark.parametrize(("off", "unlike"), [(-0.02, ()), (0.02, (19,))])
+def test_a_run_is_unlike_the_others_beyond_what_chance_gives_in_one_of_a_thousand_experiments(
+    off: float, unlike: tuple[int, ...]
+) -> None:
+    """The limit of Grubbs (1969) for one of 20 runs, in one of three quantities: friction, left and right speed."""
+    t = stats.t.isf(1e-3 / 3 / (2 * 20), 18)
+    limit = 19 / np.sqrt(20) * np.sqrt(t**2 / (18 + t**2)) + off
+    others = stats.norm.ppf((np.arange(19) + 0.5) / 19)
+
+    def beyond(value: float) -> float:
+        values = np.append(others, value)
+        return float((value - values.mean()) / values.std(ddof=1) - limit)
+
+    gains = np.append(others, optimize.brentq(beyond, 1.0, 1e3)) * 1e-3
+    effects, shares = np.tile(others.mean(), (20, 4)), np.full((20, 4), 0.25)
+    effects[:, 1] = 0.5 * gains
+    found = unlike_runs(Adequacy(1.0, 0.0, np.ones(20), effects, shares, 1.0, ""), range(20))
+    assert sum((item.runs for item in found), ()) == unlike
 
 
 # The data with which Rosner's test is explained in the NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.17.3.

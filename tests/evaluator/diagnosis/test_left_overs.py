@@ -184,9 +184,9 @@ def test_rms_over_runs_leaves_out_what_is_not_known() -> None:
     assert np.isnan(rms(values, [1]))
 
 
-def circling(radius: float, speed: float, turned: float = 2.0) -> np.ndarray:
+def circling(radius: float, speed: float) -> np.ndarray:
     """Marks of a robot on a circle for 3 s; the circle of the midpoint of its marks."""
-    angle = speed / radius * np.arange(0, 3, 0.02) * (turned / turned)
+    angle = speed / radius * np.arange(0, 3, 0.02)
     middle = radius * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
     side = 2 * np.column_stack([-np.sin(angle), np.cos(angle)])
     return np.concatenate([middle + side, middle - side], axis=1)
@@ -223,6 +223,8 @@ def test_changes_of_path_radius_and_speed_are_those_of_the_circles() -> None:
     middles = [np.exp(0.4j * np.arange(0, 3, 0.02)) * radius for radius in (5.5, 5.0)]
     apart = 0.1 * np.sqrt(np.mean(np.abs(middles[1] - middles[1].mean()) ** 2))
     assert found.path_noise_floors == pytest.approx(apart / np.hypot(0.005, MODEL_FLOOR_MM), rel=1e-3)
+    wider = changed(circling(5.5, 2.0), circling(5.0, 2.0))
+    assert (wider.speed_percent, wider.radius_percent) == pytest.approx((0.0, 10.0), rel=1e-3, abs=1e-3)
 
 
 def test_radius_of_a_run_that_turns_less_than_twenty_degrees_is_not_told() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from evaluator.diagnosis.assessment.adequacy import DRIFT, step_in_speed, step_over_line
 
@@ -31,6 +32,21 @@ def said(speed: np.ndarray, per_run: float) -> str:
 
 def test_step_is_told_with_its_place_and_size() -> None:
     assert said(0.01 * TWO_DAYS, -0.001).startswith("the speed changes by -1.1 % between r8 and r9, once")
+
+
+@pytest.mark.parametrize(("off", "told"), [(-0.1, False), (0.1, True)])
+def test_step_is_told_from_odds_of_twenty_to_one(off: float, told: bool) -> None:
+    """Between a drift, 0, and a step, 1, both of a per cent, over the scatter of the same runs."""
+    noise = np.random.default_rng(2).normal(0.0, 0.002, 16)
+
+    def speed(share: float) -> np.ndarray:
+        return noise - 0.01 * ((1 - share) * ORDER / 15 + share * (ORDER > 7))
+
+    def odds(share: float) -> float:
+        return (step_over_line(ORDER, speed(share), np.ones(16)) or (0, 0.0, 0.0))[2]
+
+    share = optimize.brentq(lambda share: odds(share) - np.log(20) - off, 0.0, 1.0)
+    assert bool(said(speed(share), -0.001)) == told
 
 
 def test_drift_is_no_step() -> None:
