@@ -87,7 +87,7 @@ class Watch:
 
     def look(self) -> None:
         """Raise SearchStoppedError if the time limit is reached, or what the progress raises."""
-        if process_time() - self._began > self._seconds:
+        if process_time() - self._began >= self._seconds:  # a clock may stand still between two looks
             raise SearchStoppedError(self._seconds, self.so_far)
         if self._last is not None:
             self._progress(*self._last)

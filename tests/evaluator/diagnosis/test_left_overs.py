@@ -59,6 +59,24 @@ def test_excess_is_the_mean_square_of_what_no_effect_and_no_number_of_a_run_take
     assert found.excess_sigma == pytest.approx((found.excess - 1) / np.sqrt(2 / 42))
 
 
+@pytest.mark.parametrize(("gain", "told"), [(0.9e-3, False), (1.1e-3, True)])
+def test_a_run_determines_as_much_of_an_effect_as_it_knows_beside_the_scatter(gain: float, told: bool) -> None:
+    """A feature a·b + ε of scatter τ determines a²τ²/(1 + a²τ²) of its variance; b is shrunk by as much."""
+    slopes, rng = np.array([30.0, 200.0, 400.0, 2.0]), np.random.default_rng(4)
+    true = TAU * rng.normal(size=(12, 4)) * [1.0, 1.0, 1e-3, 1.0]
+    true[:, 2] += gain * np.linspace(-1.0, 1.0, 12)  # the right wheel, from the first run to the last
+    unit, response = np.eye(9), np.zeros((12, 9))
+    response[:, 3:7] = slopes * true
+    views = [Linearized(row, np.zeros((9, 2)), unit[:, :3], unit[:, 3:7] * slopes) for row in response]
+    data = [run_data(30.0, 20.0, number) for number in range(12)]
+    found = adequacy(fit_of(views, COLUMNS, np.zeros(2), TAU), data, relevant_gain=1e-3)
+    share = (slopes * TAU) ** 2 / (1 + (slopes * TAU) ** 2)
+    np.testing.assert_allclose(found.shares, np.tile(share, (12, 1)))
+    np.testing.assert_allclose(found.random_effects, share * true)
+    assert (found.order_p < 1e-6) == told
+    assert (found.depends_on == "right gain of the runs depends on order") == told
+
+
 def test_a_value_known_to_a_tolerance_does_not_take_up_the_noise_that_its_column_holds() -> None:
     """A mark moved along the robot: its column is the start pose, and a trace of the noise of the heading."""
     rng = np.random.default_rng(2)

@@ -9,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.diagnose import diagnose
-from tests.evaluator.diagnosis.hidden import write_hidden
+from tests.evaluator.diagnosis.hidden import offer_few, write_hidden
+
+RIVALS = ("stray-magnet", "plate-tilt", "tether-spring", "tether-pull", "friction-gradient")  # all that pull by place
 
 
 @pytest.mark.parametrize(
@@ -20,8 +22,9 @@ from tests.evaluator.diagnosis.hidden import write_hidden
     ],
 )
 def test_a_hidden_magnet_is_named_with_force_place_and_fall_off(
-    tmp_path: Path, hidden: dict[str, float], seed: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hidden: dict[str, float], seed: int
 ) -> None:
+    offer_few(monkeypatch, RIVALS, ("force_plate", "friction"))
     experiment = write_hidden(tmp_path, {"stray-magnet": hidden}, seed=seed, exact=True)
     CliRunner().invoke(diagnose, [str(experiment), "-o", str(tmp_path / "out"), "-q"], standalone_mode=False)
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
