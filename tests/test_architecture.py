@@ -142,13 +142,17 @@ def names_in(module: str) -> set[str]:
     place = ROOT / module.replace(".", "/")
     files = [place.with_suffix(".py"), place / "__init__.py", place / "__init__.pyi"]
     found = {path.stem for path in place.glob("*") if path.suffix == ".py" or path.is_dir()}
-    for path in files:
-        if path.is_file():
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                    found.add(node.name)
-                elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                    found.add(node.id)
-                elif isinstance(node, ast.Import | ast.ImportFrom):
-                    found |= {(alias.asname or alias.name).split(".")[0] for alias in node.names}
+    wait = [node for path in files if path.is_file() for node in ast.parse(path.read_text(encoding="utf-8")).body]
+    while wait:
+        node = wait.pop()
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            found |= {(alias.asname or alias.name).split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.Name):
+            found.add(node.id)
+        elif isinstance(node, ast.Assign):
+            wait += node.targets
+        else:  # what stands in a condition, or one of several targets
+            wait += [inside for inside in ast.iter_child_nodes(node) if isinstance(inside, ast.stmt | ast.expr)]
     return found

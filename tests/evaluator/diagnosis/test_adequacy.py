@@ -46,6 +46,18 @@ def test_what_grows_from_run_to_run_is_not_chance() -> None:
     assert reason.endswith("order")
 
 
+def test_what_depends_on_both_coordinates_of_a_place_has_the_p_value_of_analysis_of_variance() -> None:
+    """Orthogonal contrasts: friction of 2 x + y and an alternating rest, over places that are crossed four times."""
+    x, y, rest = np.repeat([-1.0, 1.0], 8), np.tile([-1.0, -1.0, 1.0, 1.0], 4), np.tile([-1.0, 1.0], 8)
+    effects = np.zeros((16, 4))
+    effects[:, 0] = 2 * x + y + rest
+    marks = [np.tile([a, b + 2, a, b - 2], (2, 1)) for a, b in zip(x, y, strict=True)]
+    data = [RunData(str(k), 30, 20, 0.0, None, np.arange(2) / 2, marks[k], 0) for k in range(16)]
+    p, reason = _order(effects, np.ones((16, 4)), data, np.zeros(4))
+    assert reason == "friction of the runs depends on place"
+    assert p == pytest.approx(4 * stats.f.sf((16 * 5 / 2) / (16 / 13), 2, 13))  # of four kinds of random effects
+
+
 def _left(rng: np.random.Generator, gains: NDArray[np.float64]) -> Adequacy:
     """Runs that tell half or more of friction and gains that scatter by 5 and 0.1 %, left gains changed."""
     told = rng.uniform(0.5, 1.0, (len(gains), 4))
@@ -60,6 +72,17 @@ def test_a_wheel_that_is_dirty_for_three_runs_is_told_of_these() -> None:
     (found,) = unlike_runs(_left(np.random.default_rng(3), gains), range(100, 120))
     assert (found.runs, found.what) == ((107, 108, 109), "left_gain")
     assert found.change == pytest.approx(0.015, rel=0.15)
+
+
+def test_runs_above_and_below_the_others_are_told_apart_with_their_middle() -> None:
+    """Of equal runs; each tells another share of its gains, and its estimate is shrunk by that share."""
+    true, shares = np.zeros((20, 4)), np.random.default_rng(5).uniform(0.3, 1.0, (20, 4))
+    true[:, 2] = 1e-6 * np.resize([1.0, -1.0], 20)
+    true[[3, 4, 5], 2] = 0.02, 0.03, 0.07
+    true[[8, 9], 2] = -0.05, -0.06
+    found = unlike_runs(Adequacy(1.0, 0.0, np.ones(20), np.sqrt(shares) * true, shares, 1.0, ""), range(20))
+    assert [(item.runs, item.what) for item in found] == [((3, 4, 5), "right_gain"), ((8, 9), "right_gain")]
+    assert [item.change for item in found] == pytest.approx([0.03, -0.055], rel=1e-3)
 
 
 @pytest.mark.parametrize(("off", "unlike"), [(-0.02, ()), (0.02, (19,))])

@@ -35,6 +35,7 @@ PLATE = cast("Search", SimpleNamespace(problem=SimpleNamespace(open_ground=False
         ({BESIDE: -3.4, PAIR: -3.6, OFFSET: -4.0, NOTHING: 0.0}, "none", NOTHING),
         # two that undo each other: dear to part, and together no better than nothing missing
         ({PAIR: 7.5, OFFSET: 0.5, NOTHING: 0.0}, "none", NOTHING),
+        ({PAIR: 7.5, OFFSET: -5.0, NOTHING: 0.0}, "none", NOTHING),
         ({PAIR: 8.6, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
         # about as probable as the named one; it must pay for itself to be the answer
         ({OFFSET: 9.0, FREE: 8.6, NOTHING: 0.0}, "unknown", FREE),

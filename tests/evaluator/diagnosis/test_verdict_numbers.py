@@ -26,7 +26,7 @@ from tests.evaluator.diagnosis.synthetic import column
 
 NONE: frozenset[str] = frozenset()
 A, AB, ABC = frozenset({"a"}), frozenset({"a", "b"}), frozenset({"a", "b", "c"})
-FREE = frozenset({"free:x"})
+B, FREE = frozenset({"b"}), frozenset({"free:x"})
 
 
 def ranked(
@@ -69,6 +69,9 @@ def test_a_single_effect_that_relieves_known_values_earns_less(
     search, table = ranked(monkeypatch, {A: 6.0 + more, NONE: 0.0})
     monkeypatch.setattr(verdict, "_relieves", lambda *_: True)
     assert pays(search, table, 95, A) == enough
+    search, table = ranked(monkeypatch, {FREE: 7.9, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_relieves", lambda *_: True)
+    assert not pays(search, table, 95, FREE)  # a term without a name relieves nothing: it names no cause
 
 
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
@@ -157,6 +160,52 @@ def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
     found = decide(search, table, 95, NONE)
     assert found[1] == answer
     assert found[0] == (FREE if answer == "unknown" else NONE)
+
+
+@pytest.mark.parametrize(
+    ("scores", "named", "as_well", "answer"),
+    [
+        ({FREE: 6.0, A: 5.0, NONE: 0.0}, NONE, A, "none"),  # an effect that does not pay predicts as well
+        (
+            {AB: 17.0, A: 10.0, FREE: 2.0, NONE: 0.0},
+            A,
+            A,
+            "effect",
+        ),  # the answer does, its likeliest extension does not
+        ({FREE: 6.0, A: 5.0, NONE: 0.0}, NONE, B, "unknown"),
+    ],
+)
+def test_a_free_term_must_predict_better_than_the_answer_and_than_the_likeliest_named_effects(
+    scores: dict[frozenset[str], float],
+    named: frozenset[str],
+    as_well: frozenset[str],
+    answer: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search, table = ranked(monkeypatch, scores)
+    monkeypatch.setattr(verdict, "_predicts", lambda _, __, other: other != as_well)
+    assert best_named(search, table, 95) == named
+    assert decide(search, table, 95, named)[1] == answer
+
+
+@pytest.mark.parametrize(("other", "answer"), [(7.9, "effect"), (6.0, "unknown")])
+def test_the_doubt_is_shared_with_single_effects_that_do_not_pay(
+    other: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 10, 8.7 and 7.9 the free term has 19.5 % of the probability, of 10, 8.7 and 6 it has 21.1 %."""
+    search, table = ranked(monkeypatch, {A: 10.0, FREE: 8.7, B: other, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    assert decide(search, table, 95, A)[1] == answer
+
+
+@pytest.mark.parametrize(("least_material", "answer"), [(19.9, "unknown"), (20.1, "effect")])
+def test_on_open_ground_a_free_term_that_takes_little_of_the_residuals_is_no_answer(
+    least_material: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked(monkeypatch, {FREE | A: 40.0, A: 20.0, NONE: 0.0}, on_ground=True)
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: True)
+    monkeypatch.setattr(verdict, "_is_significant", lambda *_: True)
+    assert decide(search, table, 95, A, least_material)[1] == answer
 
 
 def left(excess: float = 1.0, sigma: float = 9.0, order_p: float = 1.0) -> Adequacy:

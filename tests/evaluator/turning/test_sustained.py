@@ -9,7 +9,7 @@ from evaluator.turning.sustained import _shrunk
 from .synthetic import arc_poses, measured, winding_poses
 
 STEP_MM = 0.1
-FINE_MM = 0.04
+FINE_MM = 0.08
 
 
 def arcs(*pieces: tuple[float, float]) -> np.ndarray:
