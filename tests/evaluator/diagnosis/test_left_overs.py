@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import make_dataclass, replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -212,26 +213,32 @@ def circling(radius: float, speed: float) -> np.ndarray:
 
 def changed(present: np.ndarray, absent: np.ndarray, floor_mm: float = 0.005, **run: Any) -> relevance.Changes:
     """What an effect changes that makes these marks of those."""
-    data = RunData("r", 30.0, 20.0, 0.0, None, np.arange(0, 3, 0.02), absent, 0)
-    marks = {"effect": present, "": absent}
+    return changed_in([(present, absent)], floor_mm, **run)
+
+
+def changed_in(
+    pairs: Sequence[tuple[np.ndarray, np.ndarray]], floor_mm: float = 0.005, **run: Any
+) -> relevance.Changes:
+    """What an effect changes in runs whose marks it makes of others."""
+    data = [RunData("r", 30.0, 20.0, 0.0, None, np.arange(0, 3, 0.02), absent, 0) for _, absent in pairs]
     noise = (Noise(floor_mm, 0.0, 0.1), Noise(0.0, 0.0, 0.1))
     problem: Any = SimpleNamespace(
         open_ground=False,
         length=1.0,
-        data=[replace(data, **run)],
-        noise=[noise],
-        compressions=[SimpleNamespace(wander_mm=0.0)],
-        forward=SimpleNamespace(marks=lambda tasks: [marks[next(iter(task), "")] for task in tasks]),
+        data=[replace(item, **run) for item in data],
+        noise=[noise] * len(pairs),
+        compressions=[SimpleNamespace(wander_mm=0.0)] * len(pairs),
+        forward=SimpleNamespace(marks=lambda tasks: [pairs[number][0 if acts else 1] for number, acts in tasks]),
     )
+    point = make_dataclass("P", ["terms"], namespace={"task": lambda self, run: (run, bool(self.terms))})
+    fit: Any = SimpleNamespace(runs=tuple(range(len(pairs))), point=point({"effect": (1.0,)}))
+    return relevance.changes(problem, fit, "effect")
 
-    class Point(SimpleNamespace):
-        def task(self, _: int) -> Any:
-            return self.terms
 
-    from dataclasses import make_dataclass
-
-    point = make_dataclass("P", ["terms"], namespace={"task": lambda self, _: self.terms})({"effect": (1.0,)})
-    return relevance.changes(problem, cast("Any", SimpleNamespace(runs=(0,), point=point)), "effect")
+def test_changes_are_the_largest_in_any_run() -> None:
+    plain, faster = circling(5.0, 2.0), circling(5.0, 2.2)
+    runs = [(plain, plain), (faster, plain), (plain, plain)]
+    assert changed_in(runs) == changed(faster, plain)
 
 
 def test_changes_of_path_radius_and_speed_are_those_of_the_circles() -> None:

@@ -85,3 +85,11 @@ def test_a_session_as_its_files_say_changes_nothing() -> None:
     point = Point(np.zeros((1, PER_RUN)))
     assert with_session(ROBOT, KNOWN, point) == ROBOT
     assert later_started([RUN], KNOWN, point) == (RUN,)
+
+
+def test_a_run_of_a_session_that_starts_late_starts_later_by_as_much() -> None:
+    late = next(item for item in KNOWN if item.key == "start_common_s")
+    point = Point(np.zeros((1, PER_RUN)), {late.key: 2 * late.tolerance})
+    (moved,) = later_started([RUN], KNOWN, point)
+    assert moved.start_s == pytest.approx(RUN.start_s + 2 * late.tolerance * late.per_unit)
+    assert moved.run_command.command.at(moved.start_s - 1e-6) == (0.0, 0.0)

@@ -20,8 +20,9 @@ from evaluator.diagnosis.assessment.model_comparison import (
     separations,
     standing,
 )
-from evaluator.diagnosis.assessment.verdict import best_named, decide, doubts, pays
+from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays
 from evaluator.diagnosis.inference.search import Search, log_prior
+from evaluator.diagnosis.likelihood.known_to import CLOCK, START
 from tests.evaluator.diagnosis.synthetic import column
 
 NONE: frozenset[str] = frozenset()
@@ -149,6 +150,29 @@ def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_
     found = decide(search, table, 95, NONE, 9.0)
     assert found[:2] == (NONE, "insufficient")
     assert "a model with a and b fits better" in found[2]
+
+
+@pytest.mark.parametrize(
+    ("effect", "key", "without", "with_it", "carries"),
+    [
+        ("command-lag", START, 3.1, 0.0, True),
+        ("command-lag", START, 2.9, 0.0, False),
+        ("command-lag", START, 3.1, 3.2, False),  # as far off beside the effect
+        ("command-lag", CLOCK, 3.1, 0.0, False),  # another cause's value
+        ("time-base", CLOCK, -3.1, 0.0, True),
+    ],
+)
+def test_an_effect_that_relieves_the_value_like_it_need_not_predict_commands_left_out(
+    effect: str, key: str, without: float, with_it: float, carries: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fit(sigmas: float) -> SimpleNamespace:
+        return SimpleNamespace(
+            columns=[SimpleNamespace(key=key, term=None)], point=SimpleNamespace(value=lambda _: 0.02 * sigmas)
+        )
+
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    search: Any = SimpleNamespace(fits={NONE: fit(without), frozenset({effect}): fit(with_it)}, tolerance={key: 0.02})
+    assert carries_over(search, frozenset({effect})) == carries
 
 
 @pytest.mark.parametrize(("free", "answer"), [(0.5, "unknown"), (-0.5, "none")])
