@@ -59,12 +59,3 @@ def test_an_interval_ends_where_the_density_has_dropped_whatever_the_linear_view
 
     assert drop(profile.low) == pytest.approx(Z_975**2, abs=ENOUGH)
     assert drop(best - Z_975 * sigma) < Z_975**2 - ENOUGH
-
-
-def test_what_the_linear_view_describes_is_left_to_it(search: Search, tmp_path: Path) -> None:
-    session = hidden_session(tmp_path, {"plate-tilt": {"angle_deg": 5.0, "azimuth_deg": 30.0}})
-    problem, start = build_problem(session.data, Simulated(session.robots, session.data, search.terms))
-    fit = fit_model(problem, start, [search.terms["plate-tilt"]], session.tolerance)
-    assert (
-        profile_of(Search(problem, search.terms, session.tolerance, fit.runs), fit, search.terms["plate-tilt"]) is None
-    )

@@ -1,0 +1,218 @@
+"""Bounds, optimum and end of a fit, worked out on paper, without a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.inference import fit as fits
+from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
+from evaluator.diagnosis.inference.fit import (
+    Fit,
+    _fitted,
+    _line_search,
+    _with_shortfall,
+    model_columns,
+    prior_precision,
+)
+from evaluator.diagnosis.inference.linearized_optimum import optimum_of
+from evaluator.diagnosis.likelihood.linear.mixed_model import reduce_runs
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from simulator.effects.coordinates import Candidate, Coordinate
+from tests.evaluator.diagnosis.synthetic import linear_runs
+
+TAU = np.array([0.05, 0.02, 0.02, 1.0])
+WIDE = (np.full(2, -np.inf), np.full(2, np.inf))
+NONE = frozenset[str]()
+
+
+def candidate(name: str, *coordinates: Coordinate) -> Candidate:
+    return Candidate(name, coordinates, lambda values: dict(zip("xyz", values, strict=False)))
+
+
+FACTOR = candidate("factor", Coordinate("factor", 1.0, 0.01, 0.5, 2.0))
+LINE = candidate("line", Coordinate("size", 0.0, 1.0))
+
+
+def test_a_known_value_may_move_by_six_tolerances_and_by_half_of_itself_and_an_effect_within_its_own_bounds() -> None:
+    columns = (Column("wheels.track_mm"), Column("body.mass_g"), Column("factor", 0, FACTOR))
+    low, high = bounds(columns, {"wheels.track_mm": 0.05, "body.mass_g": 0.1})
+    assert low.tolist() == pytest.approx([-0.3, -0.5, -0.5])
+    assert high.tolist() == pytest.approx([0.3, 0.5, 1.0])
+
+
+@pytest.mark.parametrize(("off", "ended"), [(0.9e-5, True), (1.1e-5, False)])
+def test_an_estimate_is_at_a_bound_within_a_thousandth_of_a_step(off: float, ended: bool) -> None:
+    column = Column("factor", 0, FACTOR)
+    assert [is_at_bound(column, end) for end in (1.0 - off, off - 0.5)] == [ended, ended]
+
+
+def test_an_optimum_is_that_of_least_squares_in_all_unknowns_at_once() -> None:
+    """θ, start poses and random effects, each with its prior as a row of its own."""
+    runs, theta, prior = linear_runs(count=4), np.array([0.3, -0.2]), np.array([4.0, 0.25])
+    per_run = np.random.default_rng(2).normal(size=(4, 4)) * TAU
+    found = optimum_of(runs, reduce_runs(runs), theta, per_run, prior, TAU, WIDE)
+    rows, values = [np.pad(np.diag(np.sqrt(prior)), ((0, 0), (0, 28)))], [np.zeros(2)]
+    for number, run in enumerate(runs):
+        at = 2 + 7 * number
+        row, own = np.zeros((len(run.response), 30)), np.zeros((4, 30))
+        row[:, :2], row[:, at : at + 3], row[:, at + 3 : at + 7] = run.common, run.start, run.scatter
+        own[:, at + 3 : at + 7] = np.diag(1 / TAU)
+        rows += [row, own]
+        values += [run.response, np.zeros(4)]
+    design, wanted = np.concatenate(rows), np.concatenate(values)
+    best = np.linalg.lstsq(design, wanted)[0]
+    np.testing.assert_allclose(found.goal, best[:2], rtol=1e-6)
+    np.testing.assert_allclose(found.per_run, best[2:].reshape(4, 7)[:, 3:], rtol=1e-6)
+    here = np.concatenate([theta, np.zeros(28)])
+    here[2:].reshape(4, 7)[:, 3:] = per_run
+    starts = [column for number in range(4) for column in range(2 + 7 * number, 5 + 7 * number)]
+    left = wanted - design @ here
+    left = left - design[:, starts] @ np.linalg.lstsq(design[:, starts], left)[0]
+    assert found.now.sum() == pytest.approx(left @ left)
+    assert found.predicted == pytest.approx(left @ left - np.sum((wanted - design @ best) ** 2))
+
+
+def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coordinate() -> None:
+    pair = candidate("pair", Coordinate("x", 0.0, 1.0), Coordinate("y", 0.0, 1.0))
+    tolerance = {"wheels.track_mm": 0.05, "body.mass_g": 0.0}
+    columns = model_columns([pair, LINE], tolerance)
+    assert [(item.key, item.coordinate) for item in columns] == [
+        ("wheels.track_mm", 0),
+        ("pair", 0),
+        ("pair", 1),
+        ("line", 0),
+    ]
+    np.testing.assert_allclose(prior_precision(columns, tolerance), [400.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The part of a posterior that ends of fits need."""
+
+    log_evidence: float
+    scatter: np.ndarray
+
+
+def fit(evidence: float = 0.0) -> Fit:
+    posterior: Any = Evidence(evidence, TAU)
+    point = Point(np.zeros((1, 7)), terms={"line": (0.0,)})
+    nothing: Any = None
+    return Fit(NONE, point, (Column("line", 0, LINE),), posterior, nothing, (), converged=False, runs=(0,))
+
+
+def test_choices_that_are_not_fitted_cost_half_the_log_of_the_runs_and_a_shortfall_half_of_itself() -> None:
+    eight = replace(fit(10.0), runs=tuple(range(8)))
+    assert eight.counting(2).posterior.log_evidence == pytest.approx(10.0 - np.log(8))
+    short = _with_shortfall(eight, 3.0)
+    assert (short.posterior.log_evidence, short.shortfall) == (8.5, 3.0)
+    assert _with_shortfall(eight, -1e-6).posterior.log_evidence == 10.0
+
+
+def problem(*, on_ground: bool = False) -> Any:
+    return SimpleNamespace(watch=SimpleNamespace(look=lambda: None), open_ground=on_ground)
+
+
+@pytest.mark.parametrize(
+    ("values", "damping", "better"),
+    [
+        ([-1.0], 1.0, True),
+        ([1.0, -1.0], 0.4, True),
+        ([1.0, 1.0, -0.006], 0.12, True),  # a tenth of what counts as settled
+        ([1.0, 1.0, -0.004, 1.0], 1.0, False),
+        ([None, 1.0, 1.0, 1.0], 0.4, False),  # a run that cannot be simulated
+        ([None] * 4, 0.0, False),
+    ],
+)
+def test_a_line_search_goes_to_the_first_point_that_improves_or_to_the_farthest(
+    values: list[float | None], damping: float, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    optimum: Any = SimpleNamespace(
+        theta=np.array([1.0]), goal=np.array([3.0]), scatter=TAU, prior=np.array([0.5]), now=np.array([2.0, 0.5])
+    )
+    left = iter(values)
+
+    def settled(_: Any, there: Point, *__: Any) -> tuple[Point, np.ndarray]:
+        value = next(left)
+        if value is None:
+            raise FloatingPointError
+        (size,) = there.terms["line"]
+        return there, np.array([2.5 + value - 0.5 * size**2])
+
+    monkeypatch.setattr(fits, "settled_by_run", settled)
+    point, found = _line_search(problem(), fit(), optimum)
+    assert found == better
+    assert point.terms["line"][0] == pytest.approx(1.0 + 2.0 * damping if damping else 0.0)
+
+
+def walked(
+    monkeypatch: pytest.MonkeyPatch,
+    predicted: list[float],
+    *,
+    per_run: float = 0.0,
+    better: bool = True,
+    evidence: list[float] | None = None,
+    now: list[float] | None = None,
+    rival: float = -np.inf,
+) -> Fit:
+    """A fit whose steps promise these decreases; now: -2 log density at each, on open ground."""
+    step = iter(range(20))
+    seen = evidence or [0.0] * 20
+    monkeypatch.setattr(
+        fits, "_viewed", lambda _, point, *__: replace(fit(seen[int(point.per_run[0, 0])]), point=point)
+    )
+
+    def optimum(_: Any, *__: Any) -> Any:
+        at = next(step)
+        value = now[at] if now else 0.0
+        return SimpleNamespace(
+            predicted=predicted[min(at, len(predicted) - 1)], per_run=np.full((1, 4), per_run), now=np.array([value])
+        )
+
+    monkeypatch.setattr(fits, "_optimum", optimum)
+
+    def further(_: Any, before: Fit, *__: Any) -> tuple[Point, bool]:
+        return replace(before.point, per_run=before.point.per_run + 1.0), better
+
+    monkeypatch.setattr(fits, "_line_search", further)
+    monkeypatch.setattr(fits, "_carried_on", lambda *given: given[3])
+    columns = (Column("line", 0, LINE),)
+    return _fitted(problem(on_ground=now is not None), fit().point, columns, {}, (0,), np.array(np.inf), rival)
+
+
+def test_a_fit_ends_where_little_is_promised_or_where_it_does_not_improve(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = walked(monkeypatch, [9.0, 9.0, 0.04])
+    assert (ended.converged, ended.steps) == (True, 3)
+    assert walked(monkeypatch, [9.0, 9.0, 0.06, 0.04]).steps == 4
+    assert (walked(monkeypatch, [9.0]).converged, walked(monkeypatch, [9.0]).steps) == (False, 10)
+    assert walked(monkeypatch, [4.9], better=False).converged  # rough, not wrong
+    assert not walked(monkeypatch, [5.1], better=False).converged
+
+
+def test_a_fit_gives_up_where_only_friction_that_no_run_can_have_promises_a_little_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried = [walked(monkeypatch, [9.0, 9.0 * share, 0.0], per_run=10.0) for share in (0.49, 0.51)]
+    assert [(item.converged, item.steps) for item in tried] == [(True, 3), (False, 2)]
+    assert walked(monkeypatch, [9.0, 8.0, 0.0]).converged
+
+
+def test_a_fit_gives_up_sixty_below_a_model_that_explains_the_runs_unless_it_halves_the_distance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    steps = [walked(monkeypatch, [9.0] * 4 + [0.0], evidence=[-500.0, *rest], rival=0.0).steps for rest in (
+        [-249.0, -120.0, -61.0, 0.0],  # 120 is less than half of 249, and 61 is not of 120
+        [-249.0, -120.0, -59.0, 0.0],
+        [-251.0] * 4,
+    )]  # fmt: skip
+    assert steps == [4, 5, 2]
+
+
+def test_on_open_ground_a_fit_goes_on_for_three_steps_and_returns_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = walked(monkeypatch, [9.0, 8.0, 7.0, 6.0, 5.0, 4.0], now=[50.0, 20.0, 30.0, 40.0, 25.0, 1.0, 0.0])
+    assert (found.converged, found.steps, found.shortfall) == (True, 5, 8.0)
+    assert found.posterior.log_evidence == -4.0

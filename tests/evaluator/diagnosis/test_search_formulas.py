@@ -1,0 +1,234 @@
+"""What a search screens, fits and keeps, and where intervals end, worked out on paper, without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.inference import profile_likelihood, silence, strategy
+from evaluator.diagnosis.inference.screening import Screen, _wants_whole_change
+from evaluator.diagnosis.inference.search import Search, fit_set
+from evaluator.diagnosis.inference.short_horizon import is_large, within
+from evaluator.diagnosis.inference.watch import Watch
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.turning.motion.curvature import Z_975
+from simulator.effects.coordinates import Candidate, Coordinate
+
+NONE, A = frozenset[str](), frozenset({"a"})
+
+
+def candidate(name: str, *coordinates: Coordinate) -> Candidate:
+    return Candidate(name, coordinates, lambda values: dict(zip("xyz", values, strict=False)))
+
+
+LINE = candidate("line", Coordinate("size", 0.0, 1.0))
+
+
+def profiled(monkeypatch: pytest.MonkeyPatch, misfit: Callable[[float], float | None], at_best: float = 1.0) -> Any:
+    """Profile of a coordinate of variance 4, of which the scatter of the runs makes all but at_best times."""
+    term = candidate("line", Coordinate("size", 0.0, 1.0, -1e3, 1e3))
+    column = Column("line", 0, term)
+    covariance = np.array([[4.0]])
+    best = SimpleNamespace(posterior=SimpleNamespace(covariance=at_best * covariance))
+    model = SimpleNamespace(posterior=lambda *_: best.posterior)
+    monkeypatch.setattr(profile_likelihood, "MixedModel", lambda *_: model)
+    started: Any = SimpleNamespace(
+        columns=(column,),
+        point=Point(np.zeros((1, 7)), terms={"line": (0.0,)}),
+        posterior=SimpleNamespace(covariance=covariance, misfit=7.0, best=0),
+        reduced=None,
+        runs=(0,),
+    )
+
+    def held(_: Any, begin: Point, *__: Any, **___: Any) -> Any:
+        value = misfit(begin.terms["line"][0])
+        return SimpleNamespace(
+            converged=value is not None, point=begin, posterior=SimpleNamespace(misfit=7.0 + (value or 0.0))
+        )
+
+    monkeypatch.setattr(profile_likelihood, "fit_model", held)
+    search: Any = SimpleNamespace(terms={"line": term}, tolerance={}, problem=None)
+    return profile_likelihood.profile_of(search, started, term)
+
+
+@pytest.mark.parametrize(("above", "below"), [(1.3, 1.0), (6.0, 0.7), (1.0, 0.5)])
+def test_an_end_lies_where_the_misfit_has_risen_as_much_as_for_95_percent(
+    above: float, below: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A parabola that is wider or narrower than the linear view on either side; six times takes two steps."""
+    half = 2 * Z_975
+    found = profiled(monkeypatch, lambda v: Z_975**2 * (v / (half * (above if v > 0 else below))) ** 2)
+    assert (found.low, found.high) == pytest.approx((-below * half, above * half))
+
+
+def test_a_linear_view_that_is_right_to_a_quarter_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = 2 * Z_975
+    assert profiled(monkeypatch, lambda v: Z_975**2 * (v / (1.24 * half)) ** 2) is None
+    assert profiled(monkeypatch, lambda v: 2 * Z_975**2 * (v / half) ** 2, at_best=0.5) is None  # scatter widens it
+
+
+def test_an_end_that_cannot_be_fitted_is_looked_for_half_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = 2 * Z_975
+    found = profiled(monkeypatch, lambda v: None if v > 0.61 * half else Z_975**2 * (v / (0.6 * half)) ** 2)
+    assert found.high == pytest.approx(0.6 * half)
+
+
+@pytest.mark.parametrize("stiffness", [1e-4, 1.0, 300.0])
+def test_a_coordinate_that_no_slope_tells_reaches_as_far_as_the_misfit_allows(stiffness: float) -> None:
+    column = Column("line", 0, LINE)
+    runs: Any = SimpleNamespace(features=lambda tasks: [np.array([3.0, np.sqrt(stiffness) * tasks[0]])])
+    point = SimpleNamespace(task=lambda _: 0.0, moved=lambda _, amount: SimpleNamespace(task=lambda _: amount))
+    silent: Any = SimpleNamespace(
+        columns=(column, column), point=point, runs=(0,), linearized=[SimpleNamespace(common=np.array([[0.0, 1.0]]))]
+    )
+    reach = Z_975 / np.sqrt(stiffness)
+    assert silence.silent_reaches(runs, silent) == {0: pytest.approx(reach, rel=0.02)}
+    nothing: Any = SimpleNamespace(features=lambda _: [np.zeros(2)])
+    assert silence.silent_reaches(nothing, silent) == {0: np.inf}
+
+
+@pytest.mark.parametrize(
+    ("x_mm", "turn_rad", "length", "large"),
+    [
+        (0.9, 0.0, 1.0, False),
+        (1.1, 0.0, 1.0, True),
+        (0.0, 0.09, 1.0, False),
+        (0.0, 0.11, 1.0, True),
+        (90.0, 0.0, 100.0, False),  # of a robot a hundred times as long
+        (110.0, 0.0, 100.0, True),
+    ],
+)
+def test_a_search_begins_with_seconds_where_a_run_misses_by_a_millimetre_or_a_tenth_of_a_radian(
+    x_mm: float, turn_rad: float, length: float, large: bool
+) -> None:
+    odd = np.tile([0.6 * x_mm, 0.8 * x_mm, 1.83 * turn_rad, 0.0], (9, 1))
+    odd[3] = np.nan
+    runs: Any = SimpleNamespace(
+        data=[None, None], residuals=lambda _: [np.zeros((9, 4)), odd], half_distance_mm=1.83, length=length
+    )
+    point: Any = SimpleNamespace(task=lambda run: run)
+    assert is_large(runs, point) == large
+
+
+def test_horizons_are_shorter_than_the_longest_run_after_its_start() -> None:
+    runs = [SimpleNamespace(time_s=np.array([0.0, end]), start_s=start) for start, end in ((0.5, 3.0), (1.0, 2.0))]
+    timed: Any = SimpleNamespace(data=runs)
+    assert within(timed, (1.0, 2.4, 2.6)) == [1.0, 2.4]
+    runs[0].start_s = -5.0  # before the recording
+    assert within(timed, (2.9, 3.1)) == [2.9]
+
+
+def seen(columns: list[Column], evidence: Callable[[list[int]], float], means: list[float]) -> Screen:
+    """A view with these means of whatever is asked."""
+    model: Any = SimpleNamespace(runs=8, log_evidence=evidence)
+    model.posterior, model.taken = lambda _: SimpleNamespace(mean=np.array(means)), lambda _: model
+    return Screen(tuple(columns), model, model, (), (), {})
+
+
+def test_a_screened_candidate_pays_for_its_numbers_that_do_not_vary_yet_and_begins_where_its_slopes_lead() -> None:
+    spot = candidate(
+        "spot", Coordinate("force", 0.0, 1.0, 0.0, 20.0), Coordinate("x", 0.0, 1.0), Coordinate("y", 0.0, 1.0)
+    )
+    columns = [Column("spot", 0, spot, (0.0, 3.0, 4.0)), Column("line", 0, LINE), Column("line", 0, LINE, to=(7.0,))]
+    view = seen(columns, lambda at: 50.0 - len(at), [2.5])
+    assert view.evidence(("spot", (0,))) == pytest.approx(49.0 - np.log(8))  # of three numbers two are hidden
+    assert view.evidence(("spot", (0,)), ("line", (1,))) == pytest.approx(48.0 - np.log(8))
+    assert view.start_of(("spot", (0,))) == (2.5, 3.0, 4.0)
+    assert view.start_of(("line", (1,))) == (0.0,)
+    assert view.start_of(("line", (2,))) == (7.0,)
+    assert seen(columns, lambda _: 0.0, [-2.5]).start_of(("spot", (0,))) == (0.0, 3.0, 4.0)  # within its bounds
+
+
+@pytest.mark.parametrize(("share", "wanted"), [(0.49, False), (0.51, True), (1.49, True), (1.51, False)])
+def test_a_change_as_a_whole_is_offered_where_about_all_of_it_is_wanted(share: float, wanted: bool) -> None:
+    assert _wants_whole_change(seen([], lambda _: 0.0, [0.2, share]).beyond, (0,)) == wanted
+
+
+def searching(**more: Any) -> Search:
+    runs: Any = SimpleNamespace(horizon_s=np.inf, watch=SimpleNamespace(so_far=""), open_ground=False)
+    return Search(runs, {"a": LINE, "b": LINE}, {}, (0, 1), **more)
+
+
+def of(evidence: float, *, excess: float = 1.0, converged: bool = True) -> Any:
+    found = SimpleNamespace(posterior=SimpleNamespace(log_evidence=evidence), excess=excess, converged=converged)
+    found.steps, found.overreaches, found.terms = 3, False, NONE
+    found.point = Point(np.ones((2, 7)), {"key": 1.0})
+    found.counting = lambda _: found
+    return found
+
+
+def test_the_best_fit_explains_the_runs_below_one_and_a_half_times_the_noise() -> None:
+    assert searching(fits={NONE: of(1.0), A: of(5.0, excess=1.49)}).explained == 5.0
+    assert searching(fits={NONE: of(1.0), A: of(5.0, excess=1.51)}).explained == -np.inf
+    assert searching(fits={A: of(5.0, converged=False)}).explained == -np.inf
+    assert searching().explained == -np.inf
+    search = searching(fits={NONE: of(1.0, excess=1.4), A: of(15.0, excess=1.6)}, steps=100)
+    assert search.so_far == (
+        "of 2 fitted models the most probable is a, which does not explain the runs: its residuals are 1.6 times the "
+        "mean square of the noise"
+    )
+    assert (search.exhausted, search.largest, searching(steps=99).exhausted) == (True, 3, False)
+    search.problem.open_ground = True
+    assert (search.explained, search.largest) == (-np.inf, 4)
+
+
+def test_the_best_fit_of_a_set_is_kept_with_the_steps_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = iter([of(5.0), of(7.0), of(6.0)])
+    monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", lambda *_, **__: next(answers))
+    search = searching(fits={NONE: of(0.0)}, failed={A: None})
+    kept = [fit_set(search, A, {}, of(0.0)) for _ in range(3)]
+    assert [item.posterior.log_evidence for item in kept if item] == [5.0, 7.0, 7.0]
+    assert (search.failed, search.steps) == ({}, 9)
+    assert search.problem.watch.so_far.startswith("of 2 fitted models the most probable is a,")
+
+
+def test_a_fit_that_fails_is_begun_again_without_friction_and_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    answers = iter([of(5.0, converged=False), of(5.0), of(8.0)])
+
+    def fitted(_: Any, begin: Point, *given: Any, **__: Any) -> Any:
+        asked.append((begin, given[4]))
+        return next(answers)
+
+    monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", fitted)
+    search = searching(fits={NONE: of(0.0)})
+    found = fit_set(search, A, {"a": (2.0,)}, of(0.0))
+    assert found is not None
+    assert found.posterior.log_evidence == 8.0
+    assert [limit for _, limit in asked] == [None, (0.03, 0.006, 0.006, 1.0), None]
+    np.testing.assert_array_equal(asked[1][0].per_run, np.tile([1.0] * 3 + [0.0] * 4, (2, 1)))
+    assert (asked[1][0].nominal, asked[1][0].terms) == ({}, {"a": (2.0,)})
+
+
+def test_a_screened_set_is_fitted_from_its_two_best_places_and_hopeless_ones_are_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried = []
+    monkeypatch.setattr(strategy, "fit_set", lambda _, ids, starts, *__: tried.append((*ids, starts[next(iter(ids))])))
+    promised = {0: 100.0, 1: 99.0, 2: 98.0, 3: 97.0, 4: 96.0, 5: 75.1, 6: 74.9}
+    names = "aaabcde"
+    view: Any = SimpleNamespace(evidence=lambda offer: promised[offer[1]], start_of=lambda offer: offer[1])
+    sets: Any = [((name, place),) for place, name in enumerate(names)]
+    search = searching(fits={NONE: of(0.0, excess=9.0)})
+    search.terms = dict.fromkeys("abcdefgh", LINE)
+    strategy._refit(search, view, sets, 7, of(0.0))
+    assert tried == [("a", 0), ("a", 1), ("b", 3), ("c", 4), ("d", 5)]  # 25 below the best: no further
+    tried.clear()
+    strategy._refit(search, view, sets, 2, of(0.0))
+    assert tried == [("a", 0), ("a", 1), ("b", 3)]
+    search.steps = 100
+    strategy._refit(search, view, sets, 2, of(0.0))
+    assert len(tried) == 3
+
+
+def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:
+    told: list[tuple[str, float]] = []
+    watch = Watch(lambda stage, done: told.append((stage, done)), seconds=1e9)
+    watch.look()
+    watch("fit", 3, 4)
+    watch.look()
+    assert told == [("fit", 0.75)] * 2
