@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,11 +17,16 @@ from evaluator.diagnosis.inference.fit import (
     _fitted,
     _line_search,
     _with_shortfall,
+    _within_bounds,
+    fit_model,
     model_columns,
     prior_precision,
 )
+from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.linearized_optimum import optimum_of
-from evaluator.diagnosis.likelihood.linear.mixed_model import reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, Posterior, reduce_runs
+from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from simulator.effects.coordinates import Candidate, Coordinate
 from tests.evaluator.diagnosis.synthetic import linear_runs
@@ -90,6 +96,25 @@ def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coord
     np.testing.assert_allclose(prior_precision(columns, tolerance), [400.0, 0.0, 0.0, 0.0])
 
 
+def test_evidence_of_values_at_their_bounds_is_that_of_runs_of_which_these_values_are_taken() -> None:
+    """An effect that may go to a half of what it wants, and a known value that may go to six of its tolerances."""
+    runs = linear_runs(count=6, parameters=3)
+    theta = np.array([0.5, 0.06, 0.0])  # at the bounds of the first two; the third is free
+    columns = (Column("half", 0, candidate("half", Coordinate("size", 0.0, 1.0, -0.5, 0.5))), Column("track"))
+    columns = (*columns, Column("line", 0, LINE))
+    runs = [replace(run, response=run.response + run.common @ [9.0 - 0.5, 9.0 - 0.06, 0.0]) for run in runs]
+    reduced, prior = reduce_runs(runs), np.array([0.0, 1e4, 0.0])
+    whole = MixedModel(reduced, prior).posterior(range(3))
+    found = _within_bounds(whole, reduced, columns, {"track": 0.01})
+    rest = [replace(run, response=run.response - run.common @ theta, common=run.common[:, 2:]) for run in runs]
+    inside = MixedModel(reduce_runs(rest), np.zeros(1)).posterior(range(1))
+    cost = np.log(6) + 1e4 * 0.06**2  # a number that is fitted, and the prior of the known value where it ends
+    assert found.log_evidence == pytest.approx(inside.log_evidence - cost / 2)
+    np.testing.assert_allclose(found.scatter, inside.scatter)
+    assert found.misfit == pytest.approx(inside.misfit)
+    np.testing.assert_array_equal(found.mean, whole.mean)
+
+
 @dataclass(frozen=True)
 class Evidence:
     """The part of a posterior that ends of fits need."""
@@ -103,6 +128,46 @@ def fit(evidence: float = 0.0) -> Fit:
     point = Point(np.zeros((1, 7)), terms={"line": (0.0,)})
     nothing: Any = None
     return Fit(NONE, point, (Column("line", 0, LINE),), posterior, nothing, (), converged=False, runs=(0,))
+
+
+def test_excess_is_the_mean_square_of_what_no_number_of_a_run_takes() -> None:
+    """Of twelve features eight are taken: start pose, friction, gains, start of motion, and the effect."""
+    unit = np.eye(12)
+    views = tuple(Linearized(size * unit[9], unit[:, 7:8], unit[:, :3], unit[:, 3:7]) for size in (2.0, 4.0))
+    assert replace(fit(), linearized=views).excess == pytest.approx((4 + 16) / 8)
+
+
+@pytest.mark.parametrize(("share", "beyond"), [(0.99, False), (1.01, True)])
+def test_friction_gains_or_start_of_a_run_that_no_run_can_have_are_overreach(
+    share: float, beyond: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(4):
+        per_run = np.zeros((3, 4))
+        per_run[1, number] = -share * MOST_SCATTER[number]
+        monkeypatch.setattr(fits, "run_effects", lambda *_, found=per_run: (found, None))
+        assert replace(fit(), posterior=Posterior(0.0, np.zeros(1), np.eye(1), TAU, 0.0, 0)).overreaches == beyond
+
+
+def test_a_fit_that_was_made_before_is_seen_again_as_it_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: Any = SimpleNamespace(data=[None], noise=[(Noise(0.005, 0.0, 0.1),)], fingerprint="runs", horizon_s=np.inf)
+    runs.friction_wander = None
+    ends = iter([replace(fit(3.0), steps=7, shortfall=2.0), FloatingPointError("falls over")])
+
+    def fitted(*_: Any) -> Fit:
+        end = next(ends)
+        if isinstance(end, Exception):
+            raise end
+        return end
+
+    monkeypatch.setattr(fits, "_fitted", fitted)
+    monkeypatch.setattr(fits, "_viewed", lambda *_: replace(fit(10.0), converged=True))
+    for again in (False, True):
+        runs.fits = FitCache(tmp_path / "fits.jsonl", "key")
+        found = fit_model(runs, fit().point, [LINE], {})
+        assert (found.converged, found.steps, found.shortfall) == (False, 7, 2.0)
+        assert found.posterior.log_evidence == (9.0 if again else 3.0)
+        with pytest.raises(FloatingPointError, match="on the way" if again else "falls over"):
+            fit_model(runs, fit().point, [LINE], {"wheels.track_mm": 0.1})
 
 
 def test_choices_that_are_not_fitted_cost_half_the_log_of_the_runs_and_a_shortfall_half_of_itself() -> None:

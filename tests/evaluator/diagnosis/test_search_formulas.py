@@ -65,6 +65,14 @@ def test_an_end_lies_where_the_misfit_has_risen_as_much_as_for_95_percent(
     assert (found.low, found.high) == pytest.approx((-below * half, above * half))
 
 
+def test_an_end_is_looked_for_in_four_steps_of_three_times_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = 2 * Z_975
+    ends = [
+        profiled(monkeypatch, lambda v, wide=wide: Z_975**2 * (v / (wide * half)) ** 2).high for wide in (30.0, 100.0)
+    ]
+    assert ends == pytest.approx([30 * half, 81 * half])
+
+
 def test_a_linear_view_that_is_right_to_a_quarter_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     half = 2 * Z_975
     assert profiled(monkeypatch, lambda v: Z_975**2 * (v / (1.24 * half)) ** 2) is None
