@@ -6,8 +6,10 @@ import json
 import tomllib
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -16,6 +18,7 @@ from evaluator.cli.plan import plan
 from evaluator.cli.report import report
 from evaluator.errors import InputError
 from evaluator.workflow import circular_runs, evaluate_circular_test, simulate_circular_test, write_circular_test
+from evaluator.workflow.circular.runs import simulated_turns
 from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import load_robot
@@ -31,6 +34,27 @@ def test_a_plan_drives_all_sides_directions_and_speeds_before_it_repeats() -> No
     ways = Counter((np.sign(left + right), np.sign(abs(right) - abs(left))) for left, right in commands)
     assert set(ways.values()) == {9}
     assert [run.radius_mm for run in runs] == pytest.approx([runs[0].radius_mm] * 36, rel=1e-2)
+
+
+@pytest.mark.parametrize(("yaw_rate", "seconds"), [(0.5, 15.7), (-0.25, 31.4), (3.0, 3.0), (0.05, 60.0), (0.0, 60.0)])
+def test_a_run_lasts_for_a_circle_and_a_quarter_between_three_seconds_and_a_minute(
+    yaw_rate: float, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = SimpleNamespace(yaw_rate_rad_s=yaw_rate, radius_mm=-5.0, speed_mm_s=2.0)
+    monkeypatch.setattr("evaluator.workflow.circular.runs.steady_turn", lambda *_: turn)
+    runs = circular_runs("barrel", rpm=(20.0, 40.0, 60.0), ratios=(0.5,), repetitions=1)
+    assert {(run.duration_s, run.radius_mm, run.speed_mm_s) for run in runs} == {(seconds, 5.0, 2.0)}
+
+
+def test_simulated_turns_have_the_signs_of_measured_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Backward, the speed is negative; the slip is the angle of the velocity to the line of the body, to the left."""
+    turn = SimpleNamespace(u_mm_s=-3.0, v_mm_s=0.4, speed_mm_s=np.hypot(3.0, 0.4), yaw_rate_rad_s=-0.2)
+    monkeypatch.setattr("evaluator.workflow.circular.runs.steady_turn", lambda *_: turn)
+    commands = pd.DataFrame({"run": ["a", "b"], "left_rpm": [-30.0, -30.0], "right_rpm": [-20.0, -20.0]})
+    found = simulated_turns(load_robot("barrel"), commands).iloc[1]
+    assert found["speed_mm_s"] == pytest.approx(-np.hypot(3.0, 0.4))
+    assert found["yaw_rate_deg_s"] == pytest.approx(np.degrees(-0.2))
+    assert found["body_slip_angle_deg"] == pytest.approx(np.degrees(np.arctan(0.4 / 3.0)))
 
 
 def test_a_constant_radius_is_kept_at_all_speeds() -> None:
