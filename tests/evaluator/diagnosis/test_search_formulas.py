@@ -1,21 +1,23 @@
-"""What a search screens, fits and keeps, and where intervals end, worked out on paper, without a simulation."""
+"""What a search screens, fits and keeps, worked out on paper, without a simulation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.inference import profile_likelihood, silence, strategy
+from evaluator.diagnosis.inference import strategy
+from evaluator.diagnosis.inference.fit_cache import question_of
 from evaluator.diagnosis.inference.screening import Screen, _wants_whole_change
 from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, within
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.problem import Column, Point
-from evaluator.turning.motion.curvature import Z_975
+from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate
 
 NONE, A = frozenset[str](), frozenset({"a"})
@@ -26,77 +28,6 @@ def candidate(name: str, *coordinates: Coordinate) -> Candidate:
 
 
 LINE = candidate("line", Coordinate("size", 0.0, 1.0))
-
-
-def profiled(monkeypatch: pytest.MonkeyPatch, misfit: Callable[[float], float | None], at_best: float = 1.0) -> Any:
-    """Profile of a coordinate of variance 4, of which the scatter of the runs makes all but at_best times."""
-    term = candidate("line", Coordinate("size", 0.0, 1.0, -1e3, 1e3))
-    column = Column("line", 0, term)
-    covariance = np.array([[4.0]])
-    best = SimpleNamespace(posterior=SimpleNamespace(covariance=at_best * covariance))
-    model = SimpleNamespace(posterior=lambda *_: best.posterior)
-    monkeypatch.setattr(profile_likelihood, "MixedModel", lambda *_: model)
-    started: Any = SimpleNamespace(
-        columns=(column,),
-        point=Point(np.zeros((1, 7)), terms={"line": (0.0,)}),
-        posterior=SimpleNamespace(covariance=covariance, misfit=7.0, best=0),
-        reduced=None,
-        runs=(0,),
-    )
-
-    def held(_: Any, begin: Point, *__: Any, **___: Any) -> Any:
-        value = misfit(begin.terms["line"][0])
-        return SimpleNamespace(
-            converged=value is not None, point=begin, posterior=SimpleNamespace(misfit=7.0 + (value or 0.0))
-        )
-
-    monkeypatch.setattr(profile_likelihood, "fit_model", held)
-    search: Any = SimpleNamespace(terms={"line": term}, tolerance={}, problem=None)
-    return profile_likelihood.profile_of(search, started, term)
-
-
-@pytest.mark.parametrize(("above", "below"), [(1.3, 1.0), (6.0, 0.7), (1.0, 0.5)])
-def test_an_end_lies_where_the_misfit_has_risen_as_much_as_for_95_percent(
-    above: float, below: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A parabola that is wider or narrower than the linear view on either side; six times takes two steps."""
-    half = 2 * Z_975
-    found = profiled(monkeypatch, lambda v: Z_975**2 * (v / (half * (above if v > 0 else below))) ** 2)
-    assert (found.low, found.high) == pytest.approx((-below * half, above * half))
-
-
-def test_an_end_is_looked_for_in_four_steps_of_three_times_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    half = 2 * Z_975
-    ends = [
-        profiled(monkeypatch, lambda v, wide=wide: Z_975**2 * (v / (wide * half)) ** 2).high for wide in (30.0, 100.0)
-    ]
-    assert ends == pytest.approx([30 * half, 81 * half])
-
-
-def test_a_linear_view_that_is_right_to_a_quarter_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    half = 2 * Z_975
-    assert profiled(monkeypatch, lambda v: Z_975**2 * (v / (1.24 * half)) ** 2) is None
-    assert profiled(monkeypatch, lambda v: 2 * Z_975**2 * (v / half) ** 2, at_best=0.5) is None  # scatter widens it
-
-
-def test_an_end_that_cannot_be_fitted_is_looked_for_half_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    half = 2 * Z_975
-    found = profiled(monkeypatch, lambda v: None if v > 0.61 * half else Z_975**2 * (v / (0.6 * half)) ** 2)
-    assert found.high == pytest.approx(0.6 * half)
-
-
-@pytest.mark.parametrize("stiffness", [1e-4, 1.0, 300.0])
-def test_a_coordinate_that_no_slope_tells_reaches_as_far_as_the_misfit_allows(stiffness: float) -> None:
-    column = Column("line", 0, LINE)
-    runs: Any = SimpleNamespace(features=lambda tasks: [np.array([3.0, np.sqrt(stiffness) * tasks[0]])])
-    point = SimpleNamespace(task=lambda _: 0.0, moved=lambda _, amount: SimpleNamespace(task=lambda _: amount))
-    silent: Any = SimpleNamespace(
-        columns=(column, column), point=point, runs=(0,), linearized=[SimpleNamespace(common=np.array([[0.0, 1.0]]))]
-    )
-    reach = Z_975 / np.sqrt(stiffness)
-    assert silence.silent_reaches(runs, silent) == {0: pytest.approx(reach, rel=0.02)}
-    nothing: Any = SimpleNamespace(features=lambda _: [np.zeros(2)])
-    assert silence.silent_reaches(nothing, silent) == {0: np.inf}
 
 
 @pytest.mark.parametrize(
@@ -165,7 +96,7 @@ def of(evidence: float, *, excess: float = 1.0, converged: bool = True) -> Any:
     found = SimpleNamespace(posterior=SimpleNamespace(log_evidence=evidence), excess=excess, converged=converged)
     found.steps, found.overreaches, found.terms = 3, False, NONE
     found.point = Point(np.ones((2, 7)), {"key": 1.0})
-    found.counting = lambda _: found
+    found.counting = lambda parameters: of(evidence - parameters) if parameters else found
     return found
 
 
@@ -192,6 +123,19 @@ def test_the_best_fit_of_a_set_is_kept_with_the_steps_of_all(monkeypatch: pytest
     assert [item.posterior.log_evidence for item in kept if item] == [5.0, 7.0, 7.0]
     assert (search.failed, search.steps) == ({}, 9)
     assert search.problem.watch.so_far.startswith("of 2 fitted models the most probable is a,")
+
+
+def test_a_threshold_that_is_chosen_and_not_fitted_counts_as_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(
+        "evaluator.diagnosis.inference.search.fit_model", lambda *given, **_: asked.append(given) or of(5.0)
+    )
+    search = searching(fits={NONE: of(0.0)})
+    search.terms = {"a": replace(LINE, stepwise=True), "b": LINE}
+    found = fit_set(search, A | {"b"}, {"a": (2.0,), "b": (3.0,)}, of(0.0))
+    assert found is not None
+    assert found.posterior.log_evidence == 4.0
+    assert (asked[0][2], asked[0][5]) == ([LINE], {"a": (2.0,)})
 
 
 def test_a_fit_that_fails_is_begun_again_without_friction_and_gains(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,6 +175,75 @@ def test_a_screened_set_is_fitted_from_its_two_best_places_and_hopeless_ones_are
     search.steps = 100
     strategy._refit(search, view, sets, 2, of(0.0))
     assert len(tried) == 3
+
+
+def test_once_a_set_explains_the_runs_seven_more_are_fitted_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[frozenset[str]] = []
+    monkeypatch.setattr(strategy, "fit_set", lambda _, ids, *__: tried.append(ids))
+    view: Any = SimpleNamespace(evidence=lambda _: 100.0, start_of=lambda _: ())
+    sets: Any = [((name, ()),) for name in "abcdefghijk"]
+    for excess, count in ((1.4, 7), (1.6, 9)):
+        tried.clear()
+        strategy._refit(searching(fits={NONE: of(0.0, excess=excess)}), view, sets, 9, of(0.0))
+        assert len(tried) == count
+
+
+def test_numbers_of_a_fit_are_the_same_question_to_nine_digits() -> None:
+    asked = [question_of({"x": np.array([value])}, None, "b") for value in (1.0, 1.0 + 1e-10, 1.0 + 1e-8)]
+    assert asked[0] == asked[1] != asked[2]
+
+
+class Promises:
+    """A screening that promises evidence by the names of its offers; 100 without any."""
+
+    def __init__(self, promised: dict[str, float]) -> None:
+        self.promised = promised
+        self.offers = [(name, ()) for name in promised if len(name) == 1]
+
+    def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
+        return self.promised.get("".join(sorted(name for name, _ in offers)), 100.0)
+
+
+def test_what_is_promised_two_and_more_is_fitted_the_best_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = Promises({"a": 101.9, "b": 102.1, "c": 109.0, "ab": 112.0, "ac": 110.9, "bc": 120.0})
+    asked: list[tuple[list[str], int]] = []
+    monkeypatch.setattr(strategy, "screen", lambda *_: view)
+    monkeypatch.setattr(
+        strategy,
+        "_refit",
+        lambda _, __, sets, most, ___: asked.append((["".join(name for name, _ in each) for each in sets], most)),
+    )
+    search = searching(fits={NONE: of(0.0)})
+    search.terms = dict.fromkeys("abcdefghi", LINE)
+    strategy.extend(search, NONE)
+    assert asked[-1] == (["c", "b"], 3)
+    asked.clear()
+    strategy._from_the_null(search)  # every single one in its order, and pairs that gain over either of their effects
+    assert asked[1:] == [(["c", "b", "a"], 7), (["cb", "ba"], 2)]
+    search.problem.horizon_s = 2.5
+    strategy._from_the_null(search)
+    assert asked[-2] == (["c", "b", "a"], 9)  # over a short horizon every single effect
+
+
+def test_the_best_two_effects_and_the_best_pair_are_extended_if_they_do_not_lag(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    extended: list[str] = []
+    for name in ("_fit_whole_changes", "_from_the_nominal"):
+        monkeypatch.setattr(strategy, name, lambda *_: None)
+    monkeypatch.setattr(strategy, "fit_model", lambda *_: of(-100.0, excess=9.0))
+
+    def extend(search: Search, ids: frozenset[str]) -> None:
+        extended.append("".join(sorted(ids)))
+        search.fits |= {frozenset("ab"): of(-2.0), frozenset("bc"): of(-1.0)}
+
+    monkeypatch.setattr(strategy, "extend", extend)
+    for second, wanted in ((-61.5, ["c", "a", "bc"]), (-62.5, ["c", "bc"])):
+        extended.clear()
+        singles = {A: of(second), frozenset("b"): of(-90.0), frozenset("c"): of(-2.0)}
+        monkeypatch.setattr(strategy, "_from_the_null", lambda search, more=singles: search.fits.update(more))
+        strategy.run_search(searching(), Point(np.zeros((2, 7))), Point(np.zeros((2, 7))), no_progress)
+        assert extended == wanted
 
 
 def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:

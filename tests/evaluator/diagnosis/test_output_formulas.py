@@ -1,0 +1,218 @@
+"""Numbers and words of diagnosis.json, worked out on paper from a diagnosis made of stand-ins."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.diagnosis.assessment.adequacy import Unlike
+from evaluator.diagnosis.assessment.gap import Gap
+from evaluator.diagnosis.assessment.model_comparison import Standing
+from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.design.candidate_runs import CandidateRun
+from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
+from simulator.effects.coordinates import Candidate, Coordinate
+
+NONE, A, AB, B = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"}), frozenset({"b"})
+
+
+def term(name: str, *coordinates: Coordinate, **more: Any) -> Candidate:
+    return Candidate(name, coordinates, lambda values: dict(zip(("first", "second"), values, strict=False)), **more)
+
+
+def fitted(item: Candidate, values: tuple[float, ...], covariance: np.ndarray, **more: Any) -> Any:
+    """A diagnosis that has found one effect."""
+    fit = SimpleNamespace(
+        columns=tuple(Column(item.id, k, item) for k in range(item.size)),
+        point=Point(np.zeros((1, 7)), terms={item.id: values}),
+        posterior=SimpleNamespace(covariance=covariance),
+    )
+    search = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
+    return SimpleNamespace(**{"fit": fit, "profiles": {}, "search": search, **more})
+
+
+def test_a_parameter_has_the_interval_of_its_draws_within_its_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a factor 1.3 ± 0.1 and a share 0.1 ± 0.1, which is not below 0; the absent factor is 1."""
+    item = term("effect", Coordinate("first", 1.0, 0.01), Coordinate("second", 0.0, 0.01, 0.0, 1.0))
+    found = fitted(item, (1.3, 0.1), 0.01 * np.eye(2))
+    monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
+    said = effects_json.parameters(found, item)
+    assert said["first"] == pytest.approx({"value": 1.3, "low": 1.3 - 0.196, "high": 1.3 + 0.196}, abs=0.01)
+    assert said["second"] == pytest.approx({"value": 0.1, "low": 0.0, "high": 0.1 + 0.196}, abs=0.01)
+    monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {0: 0.05})
+    assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.35)
+    found.profiles = {"effect": SimpleNamespace(transform=lambda draws, mean, _: mean + 2 * (draws - mean))}
+    monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
+    assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.3 + 0.392, abs=0.02)
+
+
+def test_on_open_ground_an_interval_is_that_over_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    item = term("effect", Coordinate("first", 0.0, 0.01))
+    found = fitted(item, (1.0,), np.eye(1))
+    found.search.problem = SimpleNamespace(open_ground=True, data=())
+    found.search.tolerance = {}
+    monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
+    monkeypatch.setattr(effects_json, "covariance_over_commands", lambda *_: 9.0 * np.eye(1))
+    assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.0 + 3 * 1.96, abs=0.3)
+
+
+def test_an_angle_has_an_interval_about_its_value() -> None:
+    draws = np.concatenate([np.linspace(355.0, 360.0, 50), np.linspace(0.0, 7.0, 70)])
+    said = effects_json._interval(1.0, draws, 360.0)
+    assert said == pytest.approx({"value": 1.0, "low": -5.0, "high": 7.0}, abs=0.5)
+
+
+def test_a_response_in_steps_is_known_between_two_of_them() -> None:
+    item = term("band", Coordinate("first", 0.0, 1.0), stepwise=True, between=((10.0, 30.0), (30.0, 60.0)))
+    said = effects_json.parameters(fitted(item, (45.0,), np.eye(1)), item)
+    assert said == {"first": {"value": 45.0, "low": 30.0, "high": 60.0}}
+
+
+def test_numbers_have_six_digits_and_what_is_not_finite_is_null() -> None:
+    assert effects_json.rounded(1234.5678) == 1234.57
+    assert [effects_json.rounded(value) for value in (math.nan, math.inf)] == [None, None]
+    assert diagnosis_json._changes(Changes(1.2345, 2.3456, 3.4567)) == {
+        "path_noise_floors": 1.23,
+        "radius_percent": 2.35,
+        "speed_percent": 3.46,
+    }
+
+
+def test_effects_nearer_than_four_sigmas_are_equivalent_the_nearest_first() -> None:
+    found: Any = SimpleNamespace(separation={"a": {"": 3.0, "b": 3.9, "c": 4.1, "d": 1.0}})
+    assert effects_json.equivalents(found, "a") == ["d", "b"]
+    assert effects_json.equivalents(found, "e") == []
+
+
+RUNS = [SimpleNamespace(id=f"r{k}", time_s=np.array([1.0, 5.0])) for k in range(3)]
+
+
+@pytest.mark.parametrize(("gain", "sigmas"), [(8.0, 4.0), (-3.0, 0.0), (math.nan, None)])
+def test_gaps_are_those_of_fitted_and_of_held_out_runs(gain: float, sigmas: float | None) -> None:
+    before, after, floor = np.array([3.0, 4.0, 9.0]), np.array([0.3, 0.4, 0.9]), np.array([0.1, 0.1, 0.2])
+    gap = Gap(before, after, floor, 10 * before, 20 * after, {1: "it turns over"})
+    found: Any = SimpleNamespace(gap=gap, fit_search=SimpleNamespace(runs=(0, 1)), held_out=(2,), confirmation=gain)
+    found.session = SimpleNamespace(data=RUNS)
+    said = diagnosis_json._gap(found)
+    assert said["held_out_runs"] == ["r2"]
+    assert said["before"] == pytest.approx({"fit": np.sqrt(12.5), "held_out": 9.0}, rel=1e-5)
+    assert said["after"] == pytest.approx({"fit": np.sqrt(0.125), "held_out": 0.9}, rel=1e-5)
+    assert said["predicted"]["before"]["held_out"] == 90.0
+    assert said["predicted"]["after"]["held_out"] == 18.0
+    assert said["noise_floor"] == pytest.approx(np.sqrt(0.02), rel=1e-5)
+    assert said["held_out_gain_sigmas"] == sigmas
+    assert said["by_run"]["r1"] == {"before": 4.0, "after": 0.4, "noise_floor": 0.1}
+    assert said["not_predicted"] == {"r1": "it turns over"}
+
+
+def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_drift() -> None:
+    drift = Drift(0.003, 1e9)
+    parts = [(Noise(white, 0.0, 0.25, NO_DRIFT, drift),) for white in (0.004, 0.005, 0.009)]
+    problem = SimpleNamespace(noise=parts, common_drift=drift, data=RUNS, friction_wander=0.01, open_ground=False)
+    fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([0.02, 0.003, 0.003, 1.0])))
+    found: Any = SimpleNamespace(problem=problem, fit=fit)
+    said = diagnosis_json._noise(found)
+    assert said["mark_sigma_mm"] == pytest.approx(0.005 * np.sqrt(2), rel=1e-5)
+    assert said["friction_in_10_mm"] == pytest.approx(0.01 * np.sqrt(10), rel=1e-5)
+    assert said["common_drift_mm"] == pytest.approx(drift.about_mean_mm(4.0), rel=1e-4)
+    assert said["correlation_s"] == 0.25
+    assert said["run_to_run"] == {"friction": 0.02, "wheel_speed": 0.003}
+    problem.open_ground = True
+    assert diagnosis_json._noise(found)["run_to_run"] is None
+
+
+def test_adjusted_values_and_shared_errors_are_told_apart_in_their_units() -> None:
+    columns = (Column("body.mass_g"), Column("camera, error 1"))
+    point = Point(np.zeros((1, 7)), {"body.mass_g": 0.03, "camera, error 1": 0.05})
+    fit = SimpleNamespace(columns=columns, point=point, posterior=SimpleNamespace(covariance=np.diag([1e-4, 4e-4])))
+    tolerance = {"body.mass_g": 0.05, "camera, error 1": 0.02}
+    found: Any = SimpleNamespace(fit=fit, session=SimpleNamespace(tolerance=tolerance))
+    assert diagnosis_json._nominal(found) == {
+        "body.mass_g": {"relative_change": 0.03, "sigma": 0.01, "tolerance": 0.05}
+    }
+    assert diagnosis_json._shared(found) == {"camera, error 1": 2.5}  # standard deviations
+
+
+def test_a_disagreement_has_the_length_of_its_sizes_and_its_significance_after_the_answer() -> None:
+    item = SimpleNamespace(quantity="yaw_deg_s", by="heading", parity="", sigmas=9.0, sentence="it turns")
+    item.sizes = ((3.0, 2.0, 4.0), (4.0, 3.0, 5.0))
+    after = SimpleNamespace(quantity="yaw_deg_s", by="heading", parity="", sigmas=1.5)
+    apart: Any = [SimpleNamespace(run=run, quantity=name) for run, name in (("r1", "yaw_rate"), ("r2", "along"))]
+    found: Any = SimpleNamespace(where=(item,), left=(after,))
+    (said,) = diagnosis_json._where(found, apart)
+    assert (said["size"], said["unit"], said["sigmas"], said["after_sigmas"]) == (5.0, "deg/s", 9.0, 1.5)
+    assert (said["quantity"], said["runs"]) == ("yaw_rate", ["r1"])
+
+
+def test_pieces_carry_what_is_left_and_whether_they_were_held_out() -> None:
+    before = pd.DataFrame({"run": ["r0", "r2"], **dict.fromkeys(diagnosis_json.QUANTITIES, (1.0, 2.0))})
+    found: Any = SimpleNamespace(pieces=before, pieces_after=before.assign(along_mm_s=[0.1, 0.2]), held_out=(2,))
+    found.session = SimpleNamespace(data=RUNS)
+    table = diagnosis_json.disagreement(found)
+    assert table is not None
+    assert table["kept_aside"].tolist() == [False, True]
+    assert (table["along_mm_s"].tolist(), table["after_along_mm_s"].tolist()) == ([1.0, 2.0], [0.1, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("chosen", "ids", "odds", "reason"),
+    [
+        (A, NONE, -math.log(5.0), "without any effect the runs are 5.0 times less probable"),
+        (AB, B, -math.log(30.0), "leaving out a makes the runs 30 times less probable"),
+        (A, AB, 3.0, "adding b is not significant"),
+        (A, B, -math.log(1e6), "makes the runs 10⁶ times less probable"),
+        (A, B, 2.0, "it contains an effect that is not significant"),
+    ],
+)
+def test_a_rival_has_its_odds_and_the_reason_against_it(
+    chosen: frozenset[str], ids: frozenset[str], odds: float, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(alternatives_json, "strained", lambda *_: {"b", "a"})
+    table = Standing((chosen, ids), np.array([7.0, 7.0 + odds]))
+    search = SimpleNamespace(fits={chosen: 0, ids: 1}, null=0, tolerance={}, problem=SimpleNamespace(open_ground=False))
+    found: Any = SimpleNamespace(standing=table, chosen=chosen, search=search)
+    (said,) = alternatives_json.rivals(found)
+    assert (said["effects"], said["reason"], said["strains"]) == (sorted(ids), reason, ["a", "b"])
+    assert said["log_odds"] == pytest.approx(odds, rel=1e-5)
+    assert said["probability"] == pytest.approx(1 / (1 + math.exp(-odds)), abs=1e-4)
+
+
+def test_runs_to_make_next_are_counted() -> None:
+    run, other = CandidateRun(30.0, 20.0, 45.0, 1.0, 2.0, 6.0), CandidateRun(20.0, 30.0, 45.0)
+    following = SimpleNamespace(runs=(run, other, run), sigmas={"b": 5.1234567}, inseparable={"c": 0.5})
+    found: Any = SimpleNamespace(next_runs=following)
+    said = alternatives_json.next_experiment(found)
+    assert said is not None
+    assert [(item["left_rpm"], item["right_rpm"], item["times"]) for item in said["runs"]] == [(30, 20, 2), (20, 30, 1)]
+    place = {"x_mm": 1.0, "y_mm": 2.0, "heading_deg": 45.0, "duration_s": 6.0}
+    assert place.items() <= dict(said["runs"][0]).items()
+    assert (said["separation_sigmas"], said["inseparable_sigmas"]) == ({"b": 5.12346}, {"c": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("what", "change", "said"),
+    [
+        ("left_gain", 0.011, "r0, r2: the left wheels turn 1.1 % faster than in the other runs"),
+        ("right_gain", -0.02, "r0, r2: the right wheels turn 2 % slower than in the other runs"),
+        ("right_gain", 0.009, None),  # less than the user counts as relevant
+        ("friction", 0.009, "r0, r2: friction is 0.9 % higher than in the other runs"),
+        ("friction", -0.3, "r0, r2: friction is 30 % lower than in the other runs"),
+    ],
+)
+def test_runs_unlike_the_others_are_told_with_sign_and_size(
+    what: str, change: float, said: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((0, 2), what, change)])
+    session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
+    found: Any = SimpleNamespace(leftover=0, follows=True, verdict="none", session=session)
+    found.fit = SimpleNamespace(runs=(0, 1, 2))
+    assert [item["sentence"] for item in unlike_runs.unlike(found)] == ([said] if said else [])
+    found.verdict = "unknown"  # then they mean nothing
+    assert unlike_runs.unlike(found) == []
