@@ -163,6 +163,18 @@ def test_a_rate_varies_where_more_than_one_interval_of_twenty_is_off_by_more_tha
     assert report.notes == (("the frame rate varies; the time stamp of each frame is used",) if varies else ())
 
 
+@pytest.mark.parametrize(("step", "interval"), [(8, 8), (9, Fraction(91, 10))])
+def test_intervals_of_nine_ticks_and_more_are_averaged_over_their_rounding(step: int, interval: Fraction) -> None:
+    """A clock of few ticks a frame gives whole numbers of them; one of many rounds each time to a tick."""
+    ticks = np.cumsum([0, *([step] * 9), step + 1])
+    assert summarise(ticks.tolist(), Fraction(1), (), ()).interval == interval
+
+
+def test_where_the_rate_varies_no_frame_is_missing() -> None:
+    report = summarise(np.cumsum([0, *([100, 170] * 10)]).tolist(), Fraction(1, 1000), (), ())
+    assert (report.variable, report.dropped) == (True, ())
+
+
 def test_times_of_two_neighbours_that_run_backwards_are_exchanged_and_frames_stay_in_order() -> None:
     timed = [("a", 0), ("b", 2), ("c", 1), ("d", None), ("e", 3)]
     assert list(in_order(timed)) == [("a", 0), ("b", 1), ("c", 2), ("d", None), ("e", 3)]
@@ -214,6 +226,33 @@ class Packet(bytes):
     """What a decoder is given of a frame."""
 
     is_keyframe = True
+
+
+def gradients(lead: float, columns: int = 48) -> list[Frame]:
+    """Three frames of a gradient of 4 levels per px that moves 2 px a frame; every second line leads by a share."""
+    times = np.arange(3)[:, None, None] + lead * (np.arange(40) % 2 == 0)[:, None]
+    levels = 4 * (np.arange(columns) + 8 - 2 * times)
+    return [frame(np.rint(16 * one).astype(np.uint16), depth=12) for one in levels]
+
+
+@pytest.mark.parametrize(("lead", "order"), [(0.24, "none"), (0.26, "bottom"), (-0.24, "none"), (-0.26, "top")])
+def test_a_field_is_ahead_from_a_quarter_of_a_frame(lead: float, order: str) -> None:
+    assert field_order(gradients(lead)) == order
+
+
+@pytest.mark.parametrize(("columns", "told"), [(10, False), (11, True)])
+def test_four_hundred_moved_pixels_tell_the_order(columns: int, *, told: bool) -> None:
+    """In 38 of 40 lines, which have a neighbour above and below."""
+    assert (field_order(gradients(0.5, columns)) is not None) == told
+
+
+def test_single_pixels_that_flicker_tell_nothing() -> None:
+    rng, frames = np.random.default_rng(1), []
+    for _ in range(6):
+        luma = np.full((80, 90), 100, np.uint8)
+        luma[:, ::3] += (60 * (rng.random((80, 30)) < 0.5)).astype(np.uint8)
+        frames.append(frame(luma))
+    assert field_order(frames) is None
 
 
 def units(*kinds: int, length_bytes: int = 4) -> Packet:

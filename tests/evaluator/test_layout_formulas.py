@@ -1,0 +1,65 @@
+"""Which planes of a decoded frame are used, and which stream of a file is the recording."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from av.stream import Disposition
+from av.video.frame import PictureType
+
+from evaluator.recording.layout import KINDS, Layout
+from evaluator.recording.streams import asked_of_viewers, videos_of
+
+
+@pytest.mark.parametrize(
+    ("name", "bits", "color_range", "colorspace", "found"),
+    [
+        ("yuv420p", 8, 1, 1, (None, 8, False, "bt709")),
+        ("yuv420p", 8, 2, 5, (None, 8, True, "bt601")),
+        ("yuvj420p", 8, 0, 2, (None, 8, True, "bt601")),
+        ("yuv422p10le", 10, 1, 1, (None, 10, False, "bt709")),
+        ("yuv422p10be", 10, 1, 1, ("yuv444p16le", 16, True, "bt601")),
+        ("rgb24", 8, 1, 1, ("yuvj444p", 8, True, "bt601")),
+        ("gbrp12le", 12, 1, 1, ("yuv444p16le", 16, True, "bt601")),
+        ("gray", 8, 1, 2, (None, 8, True, "bt601")),
+        ("gray12le", 12, 1, 2, (None, 12, True, "bt601")),
+        ("gray14le", 14, 1, 2, ("gray16le", 16, True, "bt601")),
+        ("gray16be", 16, 1, 2, ("gray16le", 16, True, "bt601")),
+        ("monob", 1, 1, 2, ("gray", 8, True, "bt601")),
+    ],
+)
+def test_planes_are_used_as_they_are_or_converted_without_loss(
+    name: str, bits: int, color_range: int, colorspace: int, found: tuple[str | None, int, bool, str]
+) -> None:
+    image: Any = SimpleNamespace(width=64, height=48, color_range=color_range, colorspace=colorspace)
+    image.format = SimpleNamespace(name=name, components=[SimpleNamespace(bits=bits)])
+    image.planes = [SimpleNamespace(height=48, width=64)]
+    image.reformat = lambda **_: image
+    layout = Layout.of(image)
+    assert (layout.target, layout.depth, layout.full_range, layout.matrix) == found
+    assert layout.fits(image)
+
+
+def test_kinds_of_frames_are_those_of_the_codec() -> None:
+    assert {PictureType[kind].value: kind for kind in "IPB"} == KINDS
+
+
+def stream(width: int, height: int, *, cover: bool = False, shape: float = 1.0, codec: object = True) -> Any:
+    disposition = Disposition.attached_pic if cover else Disposition(0)
+    return SimpleNamespace(
+        width=width, height=height, disposition=disposition, sample_aspect_ratio=shape, codec_context=codec
+    )
+
+
+def test_the_recording_is_the_largest_video_that_is_no_cover_and_can_be_decoded() -> None:
+    preview, main, cover = stream(160, 120), stream(640, 480, shape=1.333), stream(4000, 4000, cover=True)
+    unknown = stream(8000, 8000, codec=None)
+    container = SimpleNamespace(streams=SimpleNamespace(video=[preview, cover, unknown, main]))
+    assert videos_of(container) == [main, preview, cover]
+    notes = list(asked_of_viewers(container))
+    assert notes[0] == "holds 2 videos: the one of 640×480 px is measured, the first of the largest"
+    assert notes[1].startswith("its pixels are 1.33 times as wide as high")
+    container.streams.video = [stream(640, 480), cover]
+    assert list(asked_of_viewers(container)) == []
