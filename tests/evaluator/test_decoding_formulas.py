@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from fractions import Fraction
 from types import SimpleNamespace
@@ -12,7 +13,16 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.recording import parallel
 from evaluator.recording.groups import LONGEST, Groups
-from evaluator.recording.parallel import THREADED, _ahead, _dealt, _handed_out, decoders_for, groups_for, threads_for
+from evaluator.recording.parallel import (
+    THREADED,
+    _ahead,
+    _dealt,
+    _handed_out,
+    decoded,
+    decoders_for,
+    groups_for,
+    threads_for,
+)
 from evaluator.recording.video import Recording
 
 GROUPS = Groups(4)
@@ -223,3 +233,34 @@ def test_a_recording_most_of_whose_times_stand_is_refused(standing: int, *, refu
 def test_a_recording_without_a_frame_is_refused() -> None:
     with pytest.raises(InputError, match="no frame can be decoded"):
         finished(0, 0, 8)
+
+
+class Context:
+    """A decoder that answers a packet with itself."""
+
+    width, height = 640, 480
+
+    def decode(self, packet: object) -> list[object]:
+        return [packet]
+
+
+@pytest.mark.parametrize(("decoders", "ahead"), [(1, 6), (2, 4), (3, 6)])
+def test_so_many_packets_are_handed_out_before_the_first_is_asked_for_and_an_error_of_reading_comes_after_all(
+    decoders: int, ahead: int
+) -> None:
+    """Two for each of several decoders; six of 12.5 MB for one."""
+    read: list[object] = []
+
+    def packets() -> Iterator[Any]:
+        for number in range(9):
+            read.append(number)
+            yield SimpleNamespace(size=1, number=number)
+        raise OSError("the disc is gone")
+
+    streams: Any = [SimpleNamespace(codec_context=Context()) for _ in range(decoders)]
+    results = decoded(packets(), streams, at_once=False)
+    found = [next(results)()[0].number]
+    assert len(read) == ahead
+    with pytest.raises(OSError, match="the disc is gone"):
+        found += [result()[0].number for result in results]
+    assert len(read) == 9
