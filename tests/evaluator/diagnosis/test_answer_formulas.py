@@ -1,0 +1,148 @@
+"""From what a search decides to the answer: relevance, reserves, and runs that do not suffice, with stand-ins."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import answer as module
+from evaluator.diagnosis.answer import Answer, answer, too_few_runs
+from evaluator.diagnosis.assessment.model_comparison import Standing
+from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.settings import Relevant
+
+NONE, A, AB = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"})
+FREE = frozenset({"free:x"})
+LARGE, SMALL = Changes(9.0, 9.0, 9.0), Changes(0.0, 0.0, 0.0)
+
+
+def answered(
+    monkeypatch: pytest.MonkeyPatch,
+    decided: tuple[frozenset[str], str],
+    *,
+    wider: frozenset[str] | None = None,
+    changes: dict[str, Changes] | None = None,
+    reserve: str = "",
+    step: str = "",
+    few: str = "",
+    finding: bool = False,
+    on_ground: bool = False,
+    asked: dict[str, Any] | None = None,
+) -> Answer:
+    """The answer where these parts say so; asked: what they were asked."""
+    chosen, verdict = decided
+    asked = {} if asked is None else asked
+    fits = {ids: f"fit of {sorted(ids)}" for ids in (NONE, A, AB, FREE, FREE | A)}
+    problem = SimpleNamespace(open_ground=on_ground)
+    search: Any = SimpleNamespace(fits=fits, null=fits[NONE], problem=problem, runs=(0,) * 24, tolerance={})
+    session: Any = SimpleNamespace(relevant=Relevant(speed_percent=0.2), known=(), data=())
+    table = Standing((A, FREE | A, FREE, NONE), np.array([3.0, 2.0, 1.0, 0.0]))
+
+    def decide(*given: Any) -> tuple[frozenset[str], str, str]:
+        asked["least_material"] = given[4]
+        return chosen, verdict, "so"
+
+    def adequate(fit: Any, _: Any, gain: float = 0.0) -> str:
+        asked["gain"] = gain
+        return f"left of {fit}"
+
+    def constant(fit: Any, *_: Any) -> list[str]:
+        asked["constancy"] = fit
+        return ["constant"]
+
+    parts: dict[str, Any] = {
+        "rank_named": lambda *_: (table, A),
+        "decide": decide,
+        "name_what_is_off": lambda *_: chosen if wider is None else wider,
+        "standing": lambda *_: table,
+        "changes": lambda _, __, effect: (changes or {}).get(effect, LARGE),
+        "adequacy": adequate,
+        "constancy": constant,
+        "doubts": lambda _, constancy: reserve if constancy == ["constant"] else "not asked of the halves",
+        "step_in_speed": lambda *_: step,
+        "too_few_runs": lambda *_: few,
+        "knowledge": lambda *_: (SimpleNamespace(is_finding=finding),),
+        "together": lambda *_: SimpleNamespace(is_finding=False),
+    }
+    for name, part in parts.items():
+        monkeypatch.setattr(module, name, part)
+    return answer(search, session, {})
+
+
+def test_an_answer_is_what_is_decided_where_nothing_speaks_against_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+    found = answered(monkeypatch, (FREE | A, "effect"), asked=asked)
+    assert (found.verdict, found.reason, found.chosen, found.negligible) == ("effect", "so", FREE | A, NONE)
+    assert found.leftover == "left of fit of ['a', 'free:x']"
+    assert asked == {"least_material": -np.inf, "gain": 0.002, "constancy": "fit of ['a']"}  # 0.2 % of speed matter
+    answered(monkeypatch, (A, "effect"), on_ground=True, asked=asked)
+    assert asked["least_material"] == pytest.approx(-3 * 24 * np.log(0.8))
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "negligible"),
+    [
+        ({"a": SMALL, "b": SMALL}, "none", AB),
+        ({"a": LARGE, "b": SMALL}, "effect", NONE),  # one of them matters
+    ],
+)
+def test_effects_of_which_none_matters_are_no_answer(
+    changes: dict[str, Changes], verdict: str, negligible: frozenset[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = answered(monkeypatch, (AB, "effect"), changes=changes)
+    assert (found.verdict, found.negligible) == (verdict, negligible)
+    assert ("below the limits of relevance" in found.reason) == (verdict == "none")
+
+
+def test_an_effect_that_keeps_values_within_tolerances_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, (NONE, "none"), wider=A)
+    assert (found.verdict, found.chosen) == ("effect", A)
+    assert found.reason == "a is needed to keep values within three tolerances"
+
+
+@pytest.mark.parametrize(("reserve", "step"), [("residuals", ""), ("", "a step")])
+@pytest.mark.parametrize("verdict", ["none", "effect"])
+def test_a_reserve_makes_an_answer_unknown_with_the_most_probable_form(
+    verdict: str, reserve: str, step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = answered(monkeypatch, (A, verdict), reserve=reserve, step=step)
+    assert (found.verdict, found.reason, found.chosen) == ("unknown", reserve or step, FREE | A)
+
+
+def test_on_open_ground_a_reserve_is_added_to_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, (A, "effect"), reserve="residuals", on_ground=True)
+    assert (found.verdict, found.reason, found.chosen) == ("effect", "so; residuals", A)
+    assert answered(monkeypatch, (NONE, "none"), reserve="residuals", on_ground=True).verdict == "unknown"
+
+
+def test_few_runs_do_not_carry_unknown_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, (FREE, "unknown"), few="too few", reserve="not asked")
+    assert (found.verdict, found.reason, found.chosen) == ("insufficient", "so; too few", NONE)
+    assert found.leftover == "left of fit of []"
+    assert answered(monkeypatch, (A, "effect"), few="too few").verdict == "effect"
+
+
+@pytest.mark.parametrize(("chosen", "told"), [(NONE, True), (A, False)])
+def test_values_that_contradict_their_tolerance_are_told_where_nothing_is_missing(
+    chosen: frozenset[str], told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = answered(monkeypatch, (chosen, "none"), finding=True)
+    assert ("values that contradict their tolerance" in found.reason) == told
+
+
+def test_a_law_that_mends_all_runs_is_asked_for_and_no_law_counts_as_one_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left = {"null": np.array([*[1.0] * 6, 9.0, 9.0]), "law": np.ones(8)}
+    monkeypatch.setattr(module, "adequacy", lambda fit, _: SimpleNamespace(by_run=left[fit]))
+    terms = {"free:x": SimpleNamespace(size=2)}
+    search: Any = SimpleNamespace(terms=terms, null="null", fits={FREE: "law"})
+    session: Any = SimpleNamespace(data=())
+    assert too_few_runs(search, FREE, session) == ""
+    search.fits = {}
+    assert too_few_runs(search, FREE, session)
+    left["null"] = np.ones(7)
+    assert too_few_runs(search, NONE, session).endswith("until there are 8 runs")
