@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
-from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from evaluator.errors import InputError
 from evaluator.recording import parallel
 from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.parallel import (
@@ -23,7 +20,6 @@ from evaluator.recording.parallel import (
     groups_for,
     threads_for,
 )
-from evaluator.recording.video import Recording
 
 GROUPS = Groups(4)
 AVC = bytes([1, 100, 0, 40, 0xFF])  # NAL units that tell their length in four bytes
@@ -143,96 +139,6 @@ def test_a_group_goes_to_the_next_decoder_and_the_one_before_gives_what_it_held_
     given = list(_dealt(packets(9, 9, 9, 9, 9, 0), decoders, groups))
     assert [decoders.index(each) for each in given] == [0, 0, 0, 1, 1, 0, 0, 0]
     assert [numbers(each.packets) for each in decoders] == [[0, 1, "end", 3, 4, 5], [2, "end"]]
-
-
-class Played(Recording):
-    """A recording whose container is not opened, and whose packets give the images that are said."""
-
-    def __init__(self, *results: list[Any] | Exception) -> None:
-        self._notes, self._threads, self.live = [], 1, False
-        self.results = results
-
-    def images(self) -> list[Any]:
-        def decode(result: list[Any] | Exception) -> Any:
-            def now() -> list[Any]:
-                if isinstance(result, Exception):
-                    raise result
-                return result
-
-            return SimpleNamespace(decode=now)
-
-        return list(self._decoded(iter([decode(result) for result in self.results]), [None], None))
-
-    @property
-    def notes(self) -> list[str]:
-        return self._notes
-
-
-def image(*, corrupt: bool = False) -> Any:
-    return SimpleNamespace(is_corrupt=corrupt)
-
-
-def test_damaged_frames_are_left_out_and_the_first_is_named_once() -> None:
-    good = [image(), image(), image()]
-    played = Played([good[0], good[1]], [image(corrupt=True)], [image(corrupt=True)], [good[2]])
-    assert played.images() == good
-    assert played.notes == ["damaged frames are left out, the first near frame 2"]
-
-
-def test_packets_that_cannot_be_decoded_are_passed_over_and_the_first_is_named_once() -> None:
-    good = [image(), image()]
-    played = Played([good[0]], OSError("torn: by hand"), OSError("again"), [good[1]])
-    assert played.images() == good
-    assert played.notes == ["damaged data near frame 1 (torn)"]
-
-
-def test_whole_frames_leave_no_note() -> None:
-    played = Played([image()], [image(), image()])
-    assert len(played.images()) == 3
-    assert played.notes == []
-
-
-def test_a_stream_that_is_live_is_decoded_at_once_and_by_slices() -> None:
-    video: Any = stream("h264")
-    video.disposition, video.width, video.height = 0, 640, 480
-    live = Played()
-    live.live, live._threads = True, 3
-    container: Any = SimpleNamespace(streams=SimpleNamespace(video=[video]), demux=lambda _: iter(()))
-    with ExitStack() as opened:
-        first, images = live._under_way(container, opened)
-    assert (first, list(images)) == ([], [])
-    assert (video.thread_type, video.codec_context.thread_count) == ("SLICE", 3)
-
-
-def finished(count: int, standing: int, promised: int) -> list[str]:
-    """Notes of a recording after so many frames, others whose times stand, and those that its container promised."""
-    played = Played()
-    played.name, played._standing, played.expected_frames = "a.mp4", standing, promised
-    played.tick, played.nominal_rate, played.expected_s = Fraction(1, 60), Fraction(60), None
-    played._packets = None
-    played._finish(count, count - 1)
-    return played.notes
-
-
-def test_frames_that_are_missing_are_those_that_were_neither_given_nor_left_out() -> None:
-    assert finished(8, 0, 8) == finished(8, 0, 0) == []
-    assert finished(7, 0, 8) == ["the file announces 8 frames but only 7 could be decoded"]
-    assert finished(6, 2, 8) == ["2 frames are left out: their times are not after those before them"]
-    assert len(finished(6, 1, 8)) == 2
-
-
-@pytest.mark.parametrize(("standing", "refused"), [(4, False), (5, True)])
-def test_a_recording_most_of_whose_times_stand_is_refused(standing: int, *, refused: bool) -> None:
-    if refused:
-        with pytest.raises(InputError, match="stand still or run backwards in 5 of 9 frames"):
-            finished(4, standing, 0)
-    else:
-        assert len(finished(4, standing, 0)) == 1
-
-
-def test_a_recording_without_a_frame_is_refused() -> None:
-    with pytest.raises(InputError, match="no frame can be decoded"):
-        finished(0, 0, 8)
 
 
 class Context:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
@@ -107,3 +108,58 @@ def test_wheel_speeds_by_a_model_that_follows_no_run_make_none_suspect(
         "unknown", "so", session_of(12), search=whole, terms={}, outlying=(*range(9),), follows=follows, leftover=left
     )
     assert module._sole_run_of(found) == (ODD if follows else None)
+
+
+@pytest.mark.parametrize(("runs", "excluded"), [(7, 1), (19, 1), (20, 2), (30, 3)])
+def test_one_run_of_ten_may_be_excluded(monkeypatch: pytest.MonkeyPatch, runs: int, excluded: int) -> None:
+    without: list[int] = []
+
+    def again(found: Diagnosis, suspect: int, *_: Any) -> Diagnosis:
+        without.append(suspect)
+        return Diagnosis("unknown", "so", session_of(len(found.session.data) - 1))
+
+    monkeypatch.setattr(module, "_diagnosed", lambda session, *_: Diagnosis("unknown", "so", session))
+    monkeypatch.setattr(module, "_sole_run_of", lambda _: 0)
+    monkeypatch.setattr(module, "has_similar_runs", lambda *_: True)
+    monkeypatch.setattr(module, "_without", again)
+    diagnose(session_of(runs), no_progress)
+    assert len(without) == excluded
+
+
+def test_a_run_is_kept_where_the_others_say_no_more_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Diagnosis("unknown", "so", session_of(12), chosen=frozenset({"free:x"}))
+    rest = Diagnosis("unknown", "so as well", session_of(11))
+    assert diagnosed(monkeypatch, whole, rest, similar=True) is whole
+    other = Diagnosis("effect", "so", session_of(11), chosen=frozenset({"command-lag"}))
+    effect = Diagnosis("effect", "so", session_of(12), chosen=TILT)
+    assert diagnosed(monkeypatch, effect, other, similar=True) is effect  # another effect is no simpler one
+
+
+def test_a_run_is_kept_without_which_too_few_remain(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Diagnosis("unknown", "so", session_of(12))
+    diagnosed(monkeypatch, whole, NOTHING, similar=True)
+    monkeypatch.setattr(module, "shortcomings", lambda _: ["too few"])
+    assert diagnose(whole.session, no_progress) is whole
+
+
+def test_no_run_is_suspected_on_open_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "sole_run", lambda *_: SimpleNamespace(run=ODD))
+    for on_ground, suspect in ((True, None), (False, ODD)):
+        search: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=on_ground))
+        found = Diagnosis("effect", "so", session_of(12), search=search, terms={}, chosen=TILT)
+        assert module._sole_run_of(found) == suspect
+
+
+def test_a_run_whose_wheels_turn_otherwise_is_described_by_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+    left: Any = SimpleNamespace(random_effects=np.arange(48.0).reshape(12, 4))
+    whole = Diagnosis("unknown", "so", session_of(12), leftover=left)
+    monkeypatch.setattr(module, "_sole_gains_of", lambda *_: None)
+    diagnosed(monkeypatch, whole, NOTHING, similar=True)
+    monkeypatch.setattr(module, "_sole_gains_of", lambda *_: ODD)
+    monkeypatch.setattr(Diagnosis, "fit", SimpleNamespace(point=SimpleNamespace(nominal={}), runs=tuple(range(12))))
+    monkeypatch.setattr(
+        module, "outlying_run", lambda run, _, __, gains: told.append(gains) or Mistake((run.id,), "outlying", "odd")
+    )
+    diagnose(whole.session, no_progress)
+    assert told == [(13.0, 14.0)]  # left and right, of friction, left, right and start
