@@ -1,122 +1,29 @@
-"""From runs to a verdict: noise, mistakes, search, confirmation on held-out runs, and abstention."""
+"""From runs to a verdict: search, answer, review, and exclusion of single runs on which a finding depends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
-
-from evaluator.diagnosis.answer import answer, too_few_runs
+from evaluator.diagnosis.answer import answer
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.cross_validation import Constancy
-from evaluator.diagnosis.assessment.disagreement import (
-    Dependence,
-    dependences,
-    every_dependence,
-    most_telling,
-    pieces,
-)
-from evaluator.diagnosis.assessment.gap import (
-    Gap,
-    counting_data,
-    farthest_followed,
-    grown_gap,
-    noise_floor,
-    not_shrunk,
-    predicted_gaps,
-    run_gaps,
-)
-from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, as_taken
-from evaluator.diagnosis.assessment.model_comparison import (
-    Set,
-    Standing,
-    confirmation,
-    is_free,
-    separations,
-)
-from evaluator.diagnosis.assessment.relevance import Changes
-from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
+from evaluator.diagnosis.assessment.model_comparison import is_free, separations
 from evaluator.diagnosis.assessment.sole_run import is_followed, sole_gains, sole_misfit, sole_run
-from evaluator.diagnosis.assessment.sufficiency import most_odd
-from evaluator.diagnosis.assessment.unexplained import unexplained
-from evaluator.diagnosis.assessment.verdict import Verdict
-from evaluator.diagnosis.design.next_runs import NextRuns, best_next_runs
+from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
-from evaluator.diagnosis.inference.fit import Fit
 from evaluator.diagnosis.inference.fit_cache import FitCache
-from evaluator.diagnosis.inference.profile_likelihood import Profile, profiles_of
-from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
-from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
-from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
-from evaluator.diagnosis.output.effect_tables import corrected_robot
+from evaluator.diagnosis.result import Diagnosis
+from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
-from evaluator.diagnosis.search_runs import (
-    challenge_with_free_terms,
-    fit_on_all_runs,
-    prepared,
-    refit_without_held_out,
-    search_named,
-)
+from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, prepared, search_named
 from evaluator.progress import Progress
-from simulator.effects.coordinates import Candidate
-
-Floats = NDArray[np.float64]
 
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """Result of a diagnosis; fields that do not apply are None or empty."""
-
-    verdict: Verdict
-    reason: str
-    session: Session
-    held_out: tuple[int, ...] = ()
-    problem: Problem | None = None
-    search: Search | None = None  # over all runs
-    fit_search: Search | None = None  # without the runs held out
-    standing: Standing | None = None
-    chosen: Set = frozenset()
-    named: Set = frozenset()  # the best set of named effects
-    profiles: Mapping[str, Profile] = field(default_factory=dict)  # of effects whose posterior is not normal
-    separation: Mapping[str, Mapping[str, float]] | None = None
-    leftover: Adequacy | None = None
-    gap: Gap | None = None
-    confirmation: float = float("nan")  # gain in log density of the runs held out
-    terms: Mapping[str, Candidate] | None = None
-    pieces: pd.DataFrame | None = None
-    where: tuple[Dependence, ...] = ()
-    pieces_after: pd.DataFrame | None = None  # with the residuals of the chosen model, fitted to all runs
-    left: tuple[Dependence, ...] = ()  # all tested dependences of pieces_after, significant or not
-    next_runs: NextRuns | None = None
-    outlying: tuple[int, ...] = ()  # runs that the chosen model does not explain
-    follows: bool = True  # whether the chosen model explains nearly all runs
-    constancy: tuple[Constancy, ...] = ()  # of the best named effects
-    changes: Mapping[str, Changes] = field(default_factory=dict)  # largest changes by each detected effect
-    negligible: Set = frozenset()  # detected effects that are not relevant
-    known: tuple[Knowledge, ...] = ()  # fitted values of quantities known to a tolerance
-    known_together: Together | None = None  # joint test of these
-    stopped: bool = False  # whether it was stopped by the time limit
-
-    @property
-    def fit(self) -> Fit:
-        """The fit of the chosen set on all runs."""
-        assert self.search is not None
-        return self.search.fits[self.chosen]
-
-    @property
-    def summary(self) -> str:
-        """The verdict in a few words."""
-        return f"{self.verdict} ({', '.join(sorted(self.chosen))})" if self.chosen else self.verdict
 
 
 def diagnose(
@@ -265,78 +172,4 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         known=said.known,
         known_together=said.known_together,
     )
-    return _looked_at_again(found, ready.start)
-
-
-def _looked_at_again(found: Diagnosis, nominal: Point) -> Diagnosis:
-    """The diagnosis with the gap before and after, on fitted and on held-out runs, and its dependences."""
-    part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
-    assert part is not None
-    assert everything is not None
-    problem, runs = part.problem, range(len(found.session.data))
-    by_marks = problem.of_tracking
-    gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
-    after = place_runs(by_marks, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
-    after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
-    # by the model of all runs, because fitted runs without a command determine its gap less well
-    placed = place_runs(by_marks, fit.point, runs, fit.posterior.scatter)
-    outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
-    follows = len(outlying) <= most_odd(len(runs))
-    # friction and gains of each run are meaningless if the model does not explain the marks
-    before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
-    seen = pieces(problem, before)
-    seen_after = pieces(problem, placed)
-    assert found.terms is not None
-    terms, session = found.terms, found.session
-    (before_mm, lost_before), (predicted_mm, lost_after) = (
-        predicted_gaps(
-            later_started(counting_data(problem), session.known, gap_fit.point),
-            [with_session(robot, session.known, gap_fit.point) for robot in robots],
-            session.robots,
-        )
-        for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
-    )
-    lost = lost_before | lost_after
-    gap = Gap(run_gaps(problem, before, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
-    found = replace(
-        found,
-        gap=gap.answered(added=bool(chosen)),
-        confirmation=confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
-        pieces=seen,
-        where=tuple((most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)),
-        pieces_after=seen_after,
-        left=tuple(every_dependence(seen_after)),
-        outlying=outlying,
-        follows=follows,
-        # quantities of the laboratory are meaningless, too, if the model does not explain the marks
-        known=found.known if follows else tuple(map(as_taken, session.known)),
-        known_together=found.known_together if follows else None,
-    )
-    return _doubted(found, nominal)
-
-
-def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
-    """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
-    assert found.gap is not None
-    assert found.search is not None
-    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
-        # a free-form term that does not predict held-out runs does not describe the missing physics
-        return _looked_at_again(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
-    if found.verdict in ("unknown", "insufficient"):
-        return found
-    reason = "" if found.follows else "neither the nominal model nor any effect could be fitted to the marks"
-    if not found.follows:
-        return replace(found, verdict="unknown", reason=reason)
-    if found.verdict == "none" and not found.negligible:
-        missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
-        reason = (
-            f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
-            if missed
-            else ""
-        )
-    elif found.verdict == "effect":
-        reason = grown_gap(found.gap, found.held_out)
-    if reason and (few := too_few_runs(found.search, frozenset(), found.session)):
-        plain = replace(found, verdict="insufficient", reason=f"{reason}; {few}", chosen=frozenset(), profiles={})
-        return _looked_at_again(plain, nominal)
-    return replace(found, verdict="unknown", reason=reason) if reason else found
+    return reviewed(found, ready.start)

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.errors import InputError
 from evaluator.workflow import analyze, pending, track_recording
 from evaluator.workflow import tracking as tracking_module

@@ -9,9 +9,9 @@ from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.model_comparison import Set
 from evaluator.diagnosis.assessment.verdict import carries_over
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.output.content import NextExperimentContent, RivalContent
 from evaluator.diagnosis.output.effects_json import rounded
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.wording import power_of_ten
 
 RIVALS_LISTED = 8

@@ -14,7 +14,6 @@ from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreeme
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.relevance import Changes
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
 from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
@@ -31,6 +30,7 @@ from evaluator.diagnosis.output.content import (
 )
 from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
 from evaluator.diagnosis.output.unlike_runs import unlike
+from evaluator.diagnosis.result import Diagnosis
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 Floats = NDArray[np.float64]

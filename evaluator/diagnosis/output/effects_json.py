@@ -13,9 +13,9 @@ from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squa
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.output.content import Bounded, EffectContent
+from evaluator.diagnosis.result import Diagnosis
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from evaluator.diagnosis.candidates.free_form import FreeTerm, unit_of_coefficient
-from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.result import Diagnosis
 from simulator.own_effects.template import TermRow, template
 
 ID = "found-by-diagnosis"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import tomllib
 
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.robot_file import with_value, with_values_of_each
+from evaluator.diagnosis.result import Diagnosis
 from simulator.robot import Robot
 
 MOVED = "before turnscope diagnose, which adjusted it within its tolerance"

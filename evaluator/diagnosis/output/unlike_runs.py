@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from evaluator.diagnosis.assessment.adequacy import unlike_runs
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
+from evaluator.diagnosis.result import Diagnosis
 
 WHEELS = {"left_gain": "the left wheels turn", "right_gain": "the right wheels turn"}
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from evaluator.diagnosis.diagnosis import Diagnosis
 from evaluator.diagnosis.diagnosis import diagnose as diagnose_session
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.inference.fit_cache import FitCache
@@ -18,6 +17,7 @@ from evaluator.diagnosis.output.diagnosis_json import disagreement, record
 from evaluator.diagnosis.output.own_effect import own_effect
 from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
 from evaluator.files.csv_tables import write_table

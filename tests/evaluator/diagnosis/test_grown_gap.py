@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import diagnosis
+from evaluator.diagnosis import review
 from evaluator.diagnosis.assessment import gap as gap_room
 from evaluator.diagnosis.assessment.gap import Gap, grown_gap, not_shrunk, predicted_gaps
-from evaluator.diagnosis.diagnosis import Diagnosis
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.report.diagnosis.knowledge import predicted_sentence
 from simulator.errors import SimulationError
 
@@ -106,10 +106,10 @@ def test_a_term_without_a_name_whose_gap_does_not_shrink_is_not_told(
     after: float, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was fitted to some runs, missed those held out by more than the file does, and stood as the answer."""
-    monkeypatch.setattr(diagnosis, "_looked_at_again", lambda found, _: found)
+    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
     term, search = frozenset({"free:force_left.v_abs_v"}), SimpleNamespace()
     found = Diagnosis("unknown", "why", None, chosen=term, gap=gap(after), search=search)  # type: ignore[arg-type]
-    again = diagnosis._doubted(found, None)  # type: ignore[arg-type]
+    again = review._doubted(found, None)  # type: ignore[arg-type]
     assert again.verdict == "unknown"
     assert again.chosen == (term if told else frozenset())
     assert ("does not shrink (0.1 to 0.11 mm) with it" in again.reason) == (not told)
@@ -128,14 +128,14 @@ def _of_four_runs(verdict: str, after: float) -> Diagnosis:
 
 
 def test_what_speaks_against_an_effect_in_too_few_runs_is_insufficient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnosis, "_looked_at_again", lambda found, _: found)
-    monkeypatch.setattr(diagnosis, "too_few_runs", lambda *_: "measure more")
-    found = diagnosis._doubted(_of_four_runs("effect", 0.11), None)  # type: ignore[arg-type]
+    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
+    monkeypatch.setattr(review, "too_few_runs", lambda *_: "measure more")
+    found = review._doubted(_of_four_runs("effect", 0.11), None)  # type: ignore[arg-type]
     assert (found.verdict, found.chosen) == ("insufficient", frozenset())
     assert found.reason.endswith("; measure more")
-    assert diagnosis._doubted(_of_four_runs("effect", 0.01), None).verdict == "effect"  # type: ignore[arg-type]
-    monkeypatch.setattr(diagnosis, "too_few_runs", lambda *_: "")
-    assert diagnosis._doubted(_of_four_runs("effect", 0.11), None).verdict == "unknown"  # type: ignore[arg-type]
+    assert review._doubted(_of_four_runs("effect", 0.01), None).verdict == "effect"  # type: ignore[arg-type]
+    monkeypatch.setattr(review, "too_few_runs", lambda *_: "")
+    assert review._doubted(_of_four_runs("effect", 0.11), None).verdict == "unknown"  # type: ignore[arg-type]
 
 
 def test_a_run_that_cannot_be_simulated_from_its_start_pose_is_named_with_the_reason(

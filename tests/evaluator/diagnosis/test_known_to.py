@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import diagnosis
+from evaluator.diagnosis import review
 from evaluator.diagnosis.assessment.knowledge import Knowledge
 from evaluator.diagnosis.candidates.coordinates import named_terms
-from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 from evaluator.settings import KnownTo
 from simulator.effects.view import View
@@ -59,8 +60,8 @@ def test_of_a_laboratory_that_no_model_follows_nothing_is_said(
     late: Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A stain of low friction, fitted by nothing, was said to prove the plate level to a tenth of a degree."""
-    monkeypatch.setattr(diagnosis, "farthest_followed", lambda _, runs: np.zeros(len(runs)))
-    lost = diagnosis._looked_at_again(late, late.fit.point)
+    monkeypatch.setattr(review, "farthest_followed", lambda _, runs: np.zeros(len(runs)))
+    lost = review.reviewed(late, late.fit.point)
     assert lost.verdict == "unknown"
     assert all(item.found == 0.0 for item in lost.known)
     assert _known(lost, "start_common_s").high == pytest.approx(1.96 * _known(late, "start_common_s").quantity.sigma)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
-from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
 TILT = frozenset({"plate-tilt"})

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
-from evaluator.diagnosis.diagnosis import Diagnosis, diagnose
+from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
+from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
 TILT = frozenset({"plate-tilt"})

@@ -1,0 +1,104 @@
+"""Gap, residuals and held-out runs of an answer, and the revised verdict if they contradict it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.diagnosis.answer import too_few_runs
+from evaluator.diagnosis.assessment.disagreement import dependences, every_dependence, most_telling, pieces
+from evaluator.diagnosis.assessment.gap import (
+    Gap,
+    counting_data,
+    farthest_followed,
+    grown_gap,
+    noise_floor,
+    not_shrunk,
+    predicted_gaps,
+    run_gaps,
+)
+from evaluator.diagnosis.assessment.knowledge import as_taken
+from evaluator.diagnosis.assessment.model_comparison import confirmation
+from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
+from evaluator.diagnosis.assessment.sufficiency import most_odd
+from evaluator.diagnosis.assessment.unexplained import unexplained
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.output.effect_tables import corrected_robot
+from evaluator.diagnosis.result import Diagnosis
+from evaluator.diagnosis.search_runs import refit_without_held_out
+
+
+def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
+    """The diagnosis with the gap before and after, on fitted and on held-out runs, and its dependences."""
+    part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
+    assert part is not None
+    assert everything is not None
+    problem, runs = part.problem, range(len(found.session.data))
+    by_marks = problem.of_tracking
+    gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
+    after = place_runs(by_marks, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
+    after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
+    # by the model of all runs, because fitted runs without a command determine its gap less well
+    placed = place_runs(by_marks, fit.point, runs, fit.posterior.scatter)
+    outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
+    follows = len(outlying) <= most_odd(len(runs))
+    # friction and gains of each run are meaningless if the model does not explain the marks
+    before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
+    seen = pieces(problem, before)
+    seen_after = pieces(problem, placed)
+    assert found.terms is not None
+    terms, session = found.terms, found.session
+    (before_mm, lost_before), (predicted_mm, lost_after) = (
+        predicted_gaps(
+            later_started(counting_data(problem), session.known, gap_fit.point),
+            [with_session(robot, session.known, gap_fit.point) for robot in robots],
+            session.robots,
+        )
+        for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
+    )
+    lost = lost_before | lost_after
+    gap = Gap(run_gaps(problem, before, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
+    found = replace(
+        found,
+        gap=gap.answered(added=bool(chosen)),
+        confirmation=confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
+        pieces=seen,
+        where=tuple((most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)),
+        pieces_after=seen_after,
+        left=tuple(every_dependence(seen_after)),
+        outlying=outlying,
+        follows=follows,
+        # quantities of the laboratory are meaningless, too, if the model does not explain the marks
+        known=found.known if follows else tuple(map(as_taken, session.known)),
+        known_together=found.known_together if follows else None,
+    )
+    return _doubted(found, nominal)
+
+
+def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
+    """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
+    assert found.gap is not None
+    assert found.search is not None
+    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
+        # a free-form term that does not predict held-out runs does not describe the missing physics
+        return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
+    if found.verdict in ("unknown", "insufficient"):
+        return found
+    reason = "" if found.follows else "neither the nominal model nor any effect could be fitted to the marks"
+    if not found.follows:
+        return replace(found, verdict="unknown", reason=reason)
+    if found.verdict == "none" and not found.negligible:
+        missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
+        reason = (
+            f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
+            if missed
+            else ""
+        )
+    elif found.verdict == "effect":
+        reason = grown_gap(found.gap, found.held_out)
+    if reason and (few := too_few_runs(found.search, frozenset(), found.session)):
+        plain = replace(found, verdict="insufficient", reason=f"{reason}; {few}", chosen=frozenset(), profiles={})
+        return reviewed(plain, nominal)
+    return replace(found, verdict="unknown", reason=reason) if reason else found
