@@ -20,7 +20,8 @@ from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
-from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, prepared, search_named
+from evaluator.diagnosis.search_input import prepared
+from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, search_named
 from evaluator.progress import Progress
 
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong

@@ -22,7 +22,7 @@ from evaluator.diagnosis.inference.search import MOST_STEPS, RIVALS_KEPT, Search
 from evaluator.diagnosis.inference.settled_noise import settled_noise
 from evaluator.diagnosis.inference.strategy import ADDITIONS_REFITTED, BEAM, SINGLES_REFITTED, extend
 from evaluator.diagnosis.long_sessions import deciding_runs, searched_runs
-from evaluator.diagnosis.search_runs import Prepared, fitted_runs
+from evaluator.diagnosis.search_input import Prepared, fitted_runs
 from evaluator.progress import Progress
 
 ROUNDS = 3  # estimates of noise after the sets have grown; it converged within two in eight subsets of two recordings

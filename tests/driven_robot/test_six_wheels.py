@@ -15,7 +15,7 @@ from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.search_ground import searched_on_ground
-from evaluator.diagnosis.search_runs import Prepared
+from evaluator.diagnosis.search_input import Prepared
 from evaluator.progress import no_progress
 from evaluator.settings import load_experiment
 from evaluator.workflow import analyze

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, TWIN_WORDS
 from simulator.dynamics.scale import DIMENSIONS
 from simulator.dynamics.terms import BASES, CHANNELS, X_CUBED, Y_CUBED, is_of_plate
 from simulator.dynamics.terms import Term as KernelTerm
@@ -53,55 +54,8 @@ RELATIVE = {
     "left_drive": (-1.5, 1.5),
     "right_drive": (-1.5, 1.5),
 }
-CHANNEL_WORDS = {
-    "force_forward": ("a force along the robot", "mN"),
-    "force_left": ("a force across the robot", "mN"),
-    "moment": ("a moment about the vertical", "µN·mm"),
-    "force_plate_x": ("a force along x of the plate", "mN"),
-    "force_plate_y": ("a force along y of the plate", "mN"),
-    "speed": ("a relative error of the surface speed", "1"),
-    "steer": ("a turn of the wheels about the vertical", "deg"),
-    "load": ("a relative change of the wheel load", "1"),
-    "stiffness": ("a relative change of the slip stiffness", "1"),
-    "drag": ("a force along the wheels", "mN"),
-    "friction": ("a relative change of the friction", "1"),
-    "friction_across": ("a relative change of the friction across the wheels", "1"),
-    "camera_x": ("an error of the measured x", "mm"),
-    "camera_y": ("an error of the measured y", "mm"),
-    "left_drive": ("a rotation of the left wheels beside their command", "rpm"),
-    "right_drive": ("a rotation of the right wheels beside their command", "rpm"),
-}
-BASIS_WORDS = {
-    "one": ("that is constant", ""),
-    "u": ("proportional to forward speed", "/(mm/s)"),
-    "v": ("proportional to sideways speed", "/(mm/s)"),
-    "yaw_rate": ("proportional to yaw rate", "/(rad/s)"),
-    "u_abs_u": ("growing with the square of forward speed", "/(mm/s)²"),
-    "v_abs_v": ("growing with the square of sideways speed", "/(mm/s)²"),
-    "yaw_rate_abs": ("growing with the square of the yaw rate", "/(rad/s)²"),
-    "abs_u": ("growing with speed, the same forward and backward", "/(mm/s)"),
-    "abs_yaw_rate": ("growing with yaw rate, the same to the left and right", "/(rad/s)"),
-    "sign_u": ("that changes sign between forward and backward", ""),
-    "sign_v": ("that changes sign with sideways motion", ""),
-    "sign_yaw_rate": ("that changes sign between left and right turns", ""),
-    "cos_heading": ("varying with the cosine of heading", ""),
-    "sin_heading": ("varying with the sine of heading", ""),
-    "cos_2_heading": ("varying with the cosine of twice the heading", ""),
-    "sin_2_heading": ("varying with the sine of twice the heading", ""),
-    "x": ("proportional to plate x", "/mm"),
-    "y": ("proportional to plate y", "/mm"),
-    "time": ("growing with time in the run", "/s"),
-    "x_r_squared": ("growing with x times the square of the distance from the origin", "/mm³"),
-    "y_r_squared": ("growing with y times the square of the distance from the origin", "/mm³"),
-    "left_command": ("proportional to the left command", "/rpm"),
-    "right_command": ("proportional to the right command", "/rpm"),
-}
 OWN_COMMAND = ("left_drive", "left_command"), ("right_drive", "right_command")
 OTHER_COMMAND = ("left_drive", "right_command"), ("right_drive", "left_command")
-TWIN_WORDS = {
-    "left_drive.left_command=right_drive.right_command": "proportional to their own command",
-    "left_drive.right_command=right_drive.left_command": "proportional to the command of the other side",
-}
 # Sizes of the bases on a plate for the paper's robot and at its speeds, by which steps are divided.
 BASIS_SIZE = {
     "u": 3.0,
@@ -169,10 +123,10 @@ class FreeTerm(Candidate):
         """The family in plain words."""
         if all(item.twin for item in self.items):
             words = " and ".join(TWIN_WORDS[item.name] for item in self.items)
-            return f"a rotation of the wheels beside their command, alike on both sides, {words}"
+            return f"a rotation of the wheels in addition to their command, alike on both sides, {words}"
         channels = {item.channel for item in self.items}
         if {(item.channel, item.basis) for item in self.items} == {*OWN_COMMAND, *OTHER_COMMAND}:
-            return "a rotation of the wheels beside their command, on each side proportional to both commands"
+            return "a rotation of the wheels in addition to their command, on each side proportional to both commands"
         if len(channels) == 1:
             words = " and ".join(dict.fromkeys(BASIS_WORDS[item.basis][0] for item in self.items))
             return f"{CHANNEL_WORDS[self.items[0].channel][0]} {words}{self._wheels()}"
@@ -219,15 +173,6 @@ def coefficient(name: str, item: Item, size: Size = PAPER_SIZE) -> Coordinate:
     if item.basis != "one":  # may have either sign
         low, high = max(low, -high), min(high, -low)
     return Coordinate(name, 0.0, step / basis, low / basis, high / basis)
-
-
-def unit_of_coefficient(channel: str, basis: str) -> str:
-    """Unit of a coefficient for display; empty for 1."""
-    unit, per = CHANNEL_WORDS[channel][1], BASIS_WORDS[basis][1]
-    if unit == "rpm" and per == "/rpm":
-        return ""
-    shown = f"{unit}{per}"
-    return shown if per else shown.removesuffix("1")
 
 
 def _length_power(basis: str) -> int:

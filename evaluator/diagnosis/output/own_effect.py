@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from evaluator.diagnosis.candidates.free_form import FreeTerm, unit_of_coefficient
+from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.candidates.free_form_words import unit_of_coefficient
 from evaluator.diagnosis.result import Diagnosis
 from simulator.own_effects.template import TermRow, template
 

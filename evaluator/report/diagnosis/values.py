@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from evaluator.diagnosis.candidates.free_form import BASIS_WORDS, CHANNEL_WORDS, TWIN_WORDS
+from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, TWIN_WORDS
 from evaluator.report.numbers import UNKNOWN, significant, true_minus
 from evaluator.wording import with_bounds
 from simulator.effects.catalogue import EFFECTS

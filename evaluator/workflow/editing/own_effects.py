@@ -7,13 +7,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from evaluator.diagnosis.candidates.free_form import (
-    BASIS_WORDS,
-    CHANNEL_WORDS,
-    Item,
-    coefficient,
-    unit_of_coefficient,
-)
+from evaluator.diagnosis.candidates.free_form import Item, coefficient
+from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, unit_of_coefficient
 from evaluator.errors import InputError
 from evaluator.workflow.editing.documents import change_document, read_document, replace_text, version_of
 from simulator.dynamics.terms import CAMERA_X, CHANNELS, PATTERNS, SPEED

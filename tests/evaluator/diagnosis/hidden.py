@@ -103,8 +103,8 @@ def offer_few(monkeypatch: pytest.MonkeyPatch, named: Collection[str], channels:
         begins = tuple(f"free:{channel}." for channel in channels)
         return {form: term for form, term in free_terms(*how, **more).items() if form.startswith(begins)}
 
-    monkeypatch.setattr("evaluator.diagnosis.search_runs.named_terms", few_named)
-    monkeypatch.setattr("evaluator.diagnosis.search_runs.free_terms", few_free)
+    monkeypatch.setattr("evaluator.diagnosis.search_input.named_terms", few_named)
+    monkeypatch.setattr("evaluator.diagnosis.search_input.free_terms", few_free)
 
 
 def hidden_session(

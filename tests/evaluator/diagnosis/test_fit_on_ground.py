@@ -19,7 +19,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Column, Point, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
-from evaluator.diagnosis.search_runs import show_starts
+from evaluator.diagnosis.search_input import show_starts
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.effects.parameter import Size
 

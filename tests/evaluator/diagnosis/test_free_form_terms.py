@@ -7,16 +7,8 @@ from collections import Counter
 
 import pytest
 
-from evaluator.diagnosis.candidates.free_form import (
-    BASIS_SIZE,
-    BASIS_WORDS,
-    CHANNEL_STEP,
-    CHANNEL_WORDS,
-    RELATIVE,
-    FreeTerm,
-    free_terms,
-    unit_of_coefficient,
-)
+from evaluator.diagnosis.candidates.free_form import BASIS_SIZE, CHANNEL_STEP, RELATIVE, FreeTerm, free_terms
+from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, unit_of_coefficient
 from simulator.dynamics.terms import BASES, CHANNELS
 from simulator.effects.parameter import Size
 

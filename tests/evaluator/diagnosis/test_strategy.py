@@ -20,6 +20,7 @@ from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, UNEVEN_M
 from evaluator.diagnosis.likelihood.preparation import build_problem, friction_shifts
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.search_input import Prepared
 from evaluator.progress import no_progress
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Scene
@@ -114,7 +115,7 @@ def test_a_search_from_a_large_misfit_owes_the_plate_what_is_usual(
     monkeypatch.setattr(search_runs, "run_search", lambda part, *_: begun.append(part.problem))
     monkeypatch.setattr(search_runs, "_with_settled_noise", lambda part, *_: part)
     monkeypatch.setattr(search_runs, "_swap", lambda _: None)
-    ready = search_runs.Prepared(search.problem, nominal, search.tolerance, search.terms)
+    ready = Prepared(search.problem, nominal, search.tolerance, search.terms)
     search_runs.search_named(ready, no_progress)
     assert (begun[0].common_drift, begun[0].friction_wander) == (USUAL_DRIFT, USUAL_WANDER)
     assert all(part.ground is not None for part in begun[0].compressions)
