@@ -18,6 +18,7 @@ from evaluator.tracking.refinement import fast_path, kernels
 from evaluator.tracking.refinement.disc import Disc
 from evaluator.tracking.refinement.learn_shape import Patch, Steps
 from evaluator.tracking.refinement.shading import LightNotes, interior_px
+from evaluator.tracking.refinement.shutter import SHARE_SIGMA, UNKNOWN, best_share
 from evaluator.tracking.refinement.slow_path import SlowPath
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
 
@@ -28,9 +29,7 @@ LIKENESS = 0.11
 HOPELESS = 8.0  # residual above which the mark is not a disc
 
 LATELY = 4.0  # intervals since a mark was last seen up to which that position is used for its velocity
-# Shares of an interval that are tried as the shutter's: within a step of the right one the residual is a parabola.
-SHUTTERS, SHUTTER_STEP = (0.1, 0.3, 0.5, 0.7, 0.9, 1.1), 0.2
-SMEARED_PX = 2.0  # motion in an interval from which the share matters
+SMEARED_PX = 2.0  # motion in an interval from which the share of the shutter matters
 STEADY = 2.0  # ratio of successive speeds beyond which a mark starts, stops or is pushed, instead of turning
 
 VAGUE = 0.2  # of the radius: uncertainty of a centre above which the mark hardly resembles the disc
@@ -56,8 +55,8 @@ class Follower(Motion):
 
     def __post_init__(self) -> None:
         """Allocate the arrays of the kernels."""
-        # Share of the interval that the shutter is open, and its standard uncertainty: any share is as likely.
-        self.shutter = (0.5, 12**-0.5) if self.exposure is None else (self.exposure, 0.0)
+        # Share of the interval for which the shutter is open, and its standard uncertainty.
+        self.shutter = UNKNOWN if self.exposure is None else (self.exposure, 0.0)
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
         self.seen, self.unlike, self.hidden, self.views = 0, 0, False, list[Patch]()
@@ -185,7 +184,7 @@ class Follower(Motion):
             self._slow_path.fit(frame, start)
             return float(self._result[kernels.RESIDUAL])
 
-        self.shutter = _least([(left(share), share) for share in SHUTTERS]), SHUTTER_STEP * 12**-0.5
+        self.shutter = best_share(left), SHARE_SIGMA
         return left(self.shutter[0])
 
     def _judged(self, frame: Frame, cell: Array, place: Point, reach_px: float) -> Sighting:
@@ -289,14 +288,3 @@ class Follower(Motion):
         (x, y), (old_x, old_y) = self.velocity, before
         steady = 1.0 / STEADY < math.hypot(x, y) / max(math.hypot(old_x, old_y), 1e-9) < STEADY
         return math.atan2(old_x * y - old_y * x, old_x * x + old_y * y) / lapse_s if steady else 0.0
-
-
-def _least(tried: list[tuple[float, float]]) -> float:
-    """Share with the smallest residual, from pairs (residual, share): by a parabola through the three lowest."""
-    squares = np.nan_to_num([square for square, _ in tried], nan=np.inf)
-    k = int(np.argmin(squares))
-    best = tried[k][1]
-    if 0 < k < len(tried) - 1 and np.isfinite(squares[k - 1 : k + 2]).all():
-        below, least, above = squares[k - 1 : k + 2]
-        best += SHUTTER_STEP * 0.5 * (below - above) / max(below - 2.0 * least + above, 1e-9)
-    return min(float(best), 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from evaluator.errors import InputError
 from evaluator.recording import Frame
-from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of, with_disc
+from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of
 from evaluator.tracking.detection.color_map import allowed_cells, cell_of, neutral_of
 from evaluator.tracking.detection.find import Reading, find_marks
 from evaluator.tracking.detection.lookalikes import Rivals
@@ -17,6 +17,7 @@ from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
+from evaluator.tracking.following.lessons import LEARNING_FRAMES, Lessons
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
 from evaluator.tracking.following.second_look import SecondLook, at_place_of
@@ -30,12 +31,10 @@ from evaluator.tracking.following.shape import (
     resized,
 )
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
-from evaluator.tracking.refinement.disc import Disc, shaped_as
-from evaluator.tracking.refinement.learn_shape import Steps, finished
+from evaluator.tracking.refinement.disc import shaped_as
+from evaluator.tracking.refinement.learn_shape import finished
 from evaluator.tracking.settings import TrackingSettings
 
-STEPS = 1  # of learning a shape anew, a frame: 1 ms on a mark of 20 px radius
-LEARNING_FRAMES = 12  # frames a shape is learnt from; more do not improve the centre: shape and centre are orthogonal
 # Light is measured in every second frame at first, then in every sixteenth: it belongs to the place, not to the time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
 NEAR_MISSES = 8  # frames for which a lost mark is sought first where it was going to
@@ -65,7 +64,7 @@ class Tracker:
         self._search: Search | None = None
         self._waited, self._source = 0, "the recording"
         self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
-        self._lessons: list[tuple[Follower, Steps[Disc | None]]] = []
+        self._lessons = Lessons()
         self.second_look = SecondLook()
         self.began: dict[str, int] = {}  # index of the frame before which something else was taken for a mark
 
@@ -119,8 +118,8 @@ class Tracker:
         elif not frame.index & LIGHT_MASK:
             self._light = mean_light(frame)
         self._note_distance(sightings)
-        if self._lessons:
-            self._learn_on()
+        if self._lessons and self._lessons.go_on():
+            agree(followers, self.settings.pair, Follower.take_shape)
         for name, one in zip(self.names, sightings, strict=True):
             if name in followers:
                 followers[name].accept(one, time_s)
@@ -137,8 +136,7 @@ class Tracker:
                 return
             follower.keep_view(frame)
             if follower.seen in RELEARN_AT and follower.views and follower.looks_changed():
-                views = follower.views[:: -(-len(follower.views) // LEARNING_FRAMES)]
-                self._lessons.append((follower, follower.learn_anew(views, self.interval_s)))
+                self._lessons.begin(follower, follower.views, self.interval_s)
             if not frame.index & (SHADING_MASK if follower.seen < SHADED else RARELY_MASK):
                 follower.note_light(frame)
         elif (
@@ -250,7 +248,7 @@ class Tracker:
 
     def _begin_anew(self, frame: Frame, better: Reading) -> None:
         """Follow another pair; what was followed elsewhere was not the robot."""
-        known, self._lessons, self.body = dict(self.followers), [], Body()
+        known, self._lessons, self.body = dict(self.followers), Lessons(), Body()
         self.followers.clear()
         for name, one in better.chosen.items():
             if at_place_of(one, known.get(name), frame.time_s):
@@ -295,15 +293,3 @@ class Tracker:
         follower = Follower(Appearance(color, area, disc), self.settings.exposure)
         follower.position, follower.time_s = candidate.center_px, frame.time_s
         self.followers[name] = follower
-
-    def _learn_on(self) -> None:
-        """Take some steps in learning a shape again, so that no frame waits for all of them."""
-        follower, steps = self._lessons[0]
-        try:
-            for _ in range(STEPS):
-                next(steps)
-        except StopIteration as end:
-            del self._lessons[0]
-            if end.value is not None:
-                follower.take_shape(with_disc(follower.look, end.value))
-                agree(self.followers, self.settings.pair, Follower.take_shape)

@@ -14,11 +14,12 @@ import pytest
 
 from evaluator.tracking.detection.appearance import Appearance
 from evaluator.tracking.following import follow
-from evaluator.tracking.following.follow import Follower, _least
+from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.motion import beyond
 from evaluator.tracking.observation import ABSENT, OK, Sighting
 from evaluator.tracking.refinement import fast_path, kernels
 from evaluator.tracking.refinement.disc import make_disc
+from evaluator.tracking.refinement.shutter import best_share
 
 DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 4.0)
 COLOR = np.array([128.0, 128.0, 0.6, -0.8, 20.0, 0.7])
@@ -62,12 +63,14 @@ def test_velocity_turns_as_it_turned_last_unless_its_size_doubles_or_halves(size
 
 
 def test_share_of_the_shutter_is_the_bottom_of_the_parabola_through_the_least_residual() -> None:
-    tried = [(3 + (share - 0.42) ** 2, share) for share in follow.SHUTTERS]
-    assert _least(tried) == pytest.approx(0.42)
-    assert _least([(3 + (share - 0.55) ** 2, share) for share in follow.SHUTTERS]) == pytest.approx(0.55)
-    assert _least([(share, share) for share in follow.SHUTTERS]) == 0.1
-    assert _least([(-share, share) for share in follow.SHUTTERS]) == 1.0
-    assert _least([(math.nan if share == 0.3 else square, share) for square, share in tried]) == 0.5
+    def around(true: float) -> Any:
+        return lambda share: 3 + (share - true) ** 2
+
+    assert best_share(around(0.42)) == pytest.approx(0.42)
+    assert best_share(around(0.55)) == pytest.approx(0.55)
+    assert best_share(lambda share: share) == 0.1
+    assert best_share(lambda share: -share) == 1.0
+    assert best_share(lambda share: math.nan if share == 0.3 else around(0.42)(share)) == 0.5
 
 
 def exposed(one: Follower, monkeypatch: pytest.MonkeyPatch, true: tuple[float, float]) -> float:
