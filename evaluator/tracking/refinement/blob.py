@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Mask = NDArray[np.uint8]
 
-RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: where a blurred edge ends; how far the surroundings are looked at
-FEW = 12  # pixels that a mean colour is taken from
-MOSTLY = 2.0  # standard deviations of the surroundings' luma that little of them exceeds
-BEYOND = 0.2  # of a share below 0 or above 1 that noise, not another thing, explains
+RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: the end of a blurred edge; the end of the surroundings considered
+FEW = 12  # pixels: fewest from which a mean colour is computed
+MOSTLY = 2.0  # standard deviations of the luma around the blob; few of the surrounding pixels are brighter
+BEYOND = 0.2  # largest share below 0 or above 1 that noise can cause; beyond it the pixel shows something else
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
-LUMPS = 7  # side, px, of the squares that tell how far neighbouring pixels err together
-SHORTEST = 1.0 / 12.0  # px²: variance of a single pixel, below which no axis is
+LUMPS = 7  # px: side of the squares whose means show over what distance errors of pixels are correlated
+SHORTEST = 1.0 / 12.0  # px²: variance of a single pixel, the least along any axis
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _measured(
     across, down = round(cell[0]), round(cell[1] / frame.row_step)
     x0, y0 = part[1].start * across, part[0].start * down
     luma = frame.luma[y0 : part[0].stop * down, x0 : part[1].stop * across].astype(np.float32)
-    # Luma sample i lies at (i - (across - 1) / 2) / across samples of chroma, of the part's first one.
+    # Luma sample i lies at (i - (across - 1) / 2) / across chroma samples from the first one of this part.
     to_chroma = np.array([[1 / across, 0, (1 / across - 1) / 2], [0, 1 / down, (1 / down - 1) / 2]])
     size = luma.shape[1], luma.shape[0]
 
@@ -137,8 +137,8 @@ def _measured(
     if around.sum() < FEW:
         return None
     share = _share(np.stack([luma, u, v]), core, around)
-    # A lamp's reflection takes the colour of a part of the mark and adds light: within its outline, what is brighter
-    # than all else is the mark's. A wire is darker, or juts out.
+    # The reflection of a lamp removes the colour of a part of the mark and adds light. Pixels within the outline that
+    # are brighter than everything else therefore belong to the mark. A wire is darker, or extends beyond the outline.
     beside = luma[around]
     highlights = (outline > 0) & (luma > max(luma[core].mean(), beside.mean() + MOSTLY * beside.std()))
     mask |= highlights.view(np.uint8)
@@ -181,7 +181,7 @@ def _moments(
     x, y = grid[0] + columns.astype(float), grid[1] + grid[2] * rows.astype(float)
     center = float(weight @ x) / total, float(weight @ y) / total
     away = np.stack([x - center[0], y - center[1]])
-    # What varies within the blob (light, a codec's blocks) weighs as what varies around it does.
+    # Variation within the blob (light, blocks of a codec) has the same weight as variation around it.
     variance = np.where(core, _lumpy_variance(share, core), _lumpy_variance(share, around))[region]
     covariance = (variance * away) @ away.T / total**2
     spread = (weight * away) @ away.T / total
@@ -189,7 +189,7 @@ def _moments(
 
 
 def _lumpy_variance(share: Array, part: NDArray[np.bool_]) -> float:
-    """Variance of a pixel's share in a part of the image, times the pixels that err together (texture, blocks)."""
+    """Variance of a pixel's share in a part of the image, times the number of pixels with correlated errors."""
     variance = float(np.var(share[part]))
     side = (LUMPS, LUMPS)
     count = cv2.boxFilter(part.astype(np.float64), -1, side, normalize=False)[part]

@@ -1,9 +1,9 @@
 """Model of a mark: an oblique disc blurred by lens and pixels; its profile and fit.
 
-Profile of a uniform disc of radius R blurred by a Gaussian of standard deviation s, on its radius r:
+Profile of a uniform disc of radius R blurred by a Gaussian of standard deviation s, against its radius r:
 dP/dr = -(R/s²)·exp(-(r-R)²/2s²)·i1e(rR/s²), the integral of the Gaussian's gradient along the edge (divergence
-theorem); P by integration from outside. A pixel adds a variance of 1/12 px² to s² (box of one pixel), which learning
-finds itself.
+theorem). P follows by integration from outside. A pixel adds a variance of 1/12 px² to s² (box of one pixel), which is
+included in the learnt s.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from scipy.special import i0e, i1e
 from evaluator.tracking.refinement import kernels
 
 Array = NDArray[np.float64]
-PER_PX = 32  # entries of the profile a pixel: linear interpolation is then exact to 1e-4 of the amplitude
-# Entries of the kernel's table for a step of the square radius that is one px at the edge: the nearest one is then off
-# by 1/256 px at most, at the edge, and its pixels' errors (0.1 levels of a mark of 120) average out.
+PER_PX = 32  # entries of the profile per pixel, so that linear interpolation errs by 1e-4 of the amplitude
+# Entries of the kernel's table per step of the squared radius that is one px at the edge. The nearest entry is then at
+# most 1/256 px away at the edge, and the errors of the pixels (0.1 levels for a mark of 120) average out.
 PER_EDGE_PX = 128
-# Entries below this are zero: far from the edge their squares would be denormal numbers of single precision, with which
-# processors take a hundred times as long (a mark of 20 px radius 2.6 times in all), and they tell nothing.
+# Entries below this are set to zero. Their squares would be denormal numbers of single precision, which processors
+# handle a hundred times more slowly (a mark of 20 px radius took 2.6 times as long), and they carry no information.
 NOTHING = 1e-15
 
 
 class Edge(NamedTuple):
-    """An edge, and one at a right angle to it, against the clock as the image shows it.
+    """An edge, and a second edge at a right angle to it, counterclockwise as the image shows it.
 
-    angle: of the normal, rad. distance_px, aside_px: of the two from the mark's centre. height: how much lighter it is
-    beyond, levels.
+    angle: of the normal, rad. distance_px, aside_px: of the two edges from the mark's centre. height: luma beyond the
+    edge minus luma before it, levels.
     """
 
     angle: float
@@ -45,8 +45,8 @@ class Disc:
     """Shape of a mark in the frame.
 
     radius_px, blur_px: of the disc and its edge; e1, e2: slant, r² = (1+e1) dx² + 2 e2 dx dy + (1-e1) dy². amplitude,
-    base: luma of the mark above its surroundings, and of the surroundings. noise: luma variance. profile, slope: of
-    `tabulate`. table: of `by_square`. edge: of its body, where it shines into the mark's rim, as it was seen last.
+    base: luma of the mark above its surroundings, and luma of the surroundings. noise: variance of the luma. profile,
+    slope: see `tabulate`. table: see `by_square`. edge: last fitted edge of the body if it affects the mark's rim.
     """
 
     radius_px: float
@@ -64,14 +64,14 @@ class Disc:
 
     @property
     def outer_px(self) -> float:
-        """Radius of the pixels used: the edge and its blur, and a rim to know the base from.
+        """Radius of the pixels used: the disc, its blurred edge, and a ring that determines the base.
 
-        Beyond 1.5 radii lies, on the paper's robot, the edge of its black top.
+        At most 1.5 radii: on the paper's robot, the edge of the black top lies beyond.
         """
         return outer_px(self.radius_px, self.blur_px)
 
     def numbers(self, smear_px: tuple[float, float] = (0.0, 0.0)) -> Array:
-        """The disc as `kernels.fit_disc` takes it."""
+        """The numbers of the disc as `kernels.fit_disc` expects them."""
         shape = self.radius_px, self.blur_px, self.e1, self.e2
         return np.array([*shape, self.outer_px, *smear_px, _per_px2(self.radius_px)])
 
@@ -81,11 +81,11 @@ class Disc:
         return self.noise / max(self.amplitude**2, 1e-9)
 
     def unlike(self, other: Disc) -> float:
-        """Difference of the slants of two discs beyond three sigmas of their noise."""
+        """The part of the slant difference of two discs that exceeds three sigmas of their noise."""
         return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())
 
     def _unsure(self) -> float:
-        """Standard uncertainty of a slant from six frames: an edge off by c·cos 2φ is slanted by 2c/R."""
+        """Standard uncertainty of a slant from six frames; an edge error of c·cos 2φ causes a slant of 2c/R."""
         return (
             2.0
             / self.radius_px
@@ -97,14 +97,14 @@ class Disc:
 
 
 def tabulate(radius_px: float, blur_px: float) -> Array:
-    """A blurred disc against radius, PER_PX entries a pixel, to 6 blurs beyond the edge; (3, m).
+    """Profile of a blurred disc and its derivatives, against radius up to 6 blurs beyond the edge; (3, m).
 
-    Its profile, and the derivatives of that by the distance from its centre and by its own radius (a ring blurred).
+    The derivatives are by the distance from the centre and by the disc's radius. PER_PX entries per pixel.
     """
     r, s2 = np.arange(0.0, radius_px + 6.0 * blur_px + 2.0, 1.0 / PER_PX), blur_px**2
     tables = np.zeros((3, len(r)))
     profile, slope, grown = tables
-    first = int(max(radius_px - 6.0 * blur_px, 0.0) * PER_PX)  # all is flat within that, too
+    first = int(max(radius_px - 6.0 * blur_px, 0.0) * PER_PX)  # the profile is constant within this radius
     edge = r[first:]
     ring = (radius_px / s2) * np.exp(-((edge - radius_px) ** 2) / (2 * s2))
     slope[first:], grown[first:] = -ring * i1e(edge * radius_px / s2), ring * i0e(edge * radius_px / s2)
@@ -128,7 +128,7 @@ def shaped_as(own: Disc, shape: Disc) -> Disc:
 
 
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:
-    """Profile, and slope over radius, against the squared radius, which avoids square roots in the kernels."""
+    """Profile, and slope over radius, against the squared radius, so that kernels need no square roots."""
     radii = np.arange(len(profile)) / PER_PX
     r = np.sqrt(np.arange(int(radii[-1] ** 2 * _per_px2(radius_px))) / _per_px2(radius_px))
     over_radius = slope / np.maximum(radii, 1e-9)

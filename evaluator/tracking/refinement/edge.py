@@ -20,16 +20,18 @@ from evaluator.tracking.refinement.motion_blur import path_of
 
 Array = NDArray[np.float64]
 
-AROUND = 1.0  # blurs beyond the pixels that a disc alone is fitted to, so that more than a flank of the edge is seen
-PLACES = (0.5, 1.5, 2.5)  # blurs from the rim of the disc to the edge, that are tried first
-FAR = 6.0  # blurs beyond the disc: an edge there is none
-ANGLE, DISTANCE, ASIDE, HEIGHT = range(4, 8)  # places of what is unknown of the edge, after those of the disc
+AROUND = 1.0  # blurs beyond the pixels of a fit of the disc alone, so that more than one flank of the edge is visible
+PLACES = (0.5, 1.5, 2.5)  # initial distances of the edge from the rim of the disc, in blurs
+FAR = 6.0  # blurs beyond the disc, from which an edge does not affect the mark
+ANGLE, DISTANCE, ASIDE, HEIGHT = range(4, 8)  # indices of the edge's unknowns, after those of the disc
 UNKNOWNS = 8
-CLEARLY = 20.0  # fall of the squares, in variances, that four unknowns bring by chance once in 2000 frames
-SHIFTED = 3.0  # sigmas that a slope shifts a mark by where an edge shifts it by one: in clips it makes a third or less
+CLEARLY = (
+    20.0  # decrease of the squared residuals, in variances, that four unknowns cause by chance once in 2000 frames
+)
+SHIFTED = 3.0  # shift of a mark by a slope, in sigmas, where an edge shifts it by one sigma; in clips, a third or less
 STEPS, ENOUGH_PX = 20, 0.01
-LARGEST = 0.4  # of the radius: a step of the centre or the edge
-TURNED = 0.3  # rad: a step of the edge's direction
+LARGEST = 0.4  # radii: largest step of the centre or the edge
+TURNED = 0.3  # rad: largest step of the edge's direction
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class _Model:
         beyond, (by_angle, by_distance, by_aside) = _beyond(dx, dy, self._blurs(state[ANGLE]), state)
         amplitude, height = state[2], state[HEIGHT]
         cos, sin = np.cos(state[ANGLE]), np.sin(state[ANGLE])
-        # The edge goes with the mark: its distance is what stays as the centre moves.
+        # The edge moves with the mark, so that its distance stays constant while the centre moves.
         by_x = -amplitude * steep_x + height * (by_distance * cos - by_aside * sin)
         by_y = -amplitude * steep_y + height * (by_distance * sin + by_aside * cos)
         edge = height * by_angle, height * by_distance, height * by_aside, beyond
@@ -169,7 +171,8 @@ class _Model:
             if now < cost:
                 moved = float(np.abs((state - best)[[0, 1, DISTANCE]]).max())
                 done = np.isfinite(cost) and cost - now < 1e-3 * now and moved < ENOUGH_PX
-                # What is far off at first is the edge, not something in the way: it keeps its weight until it fits.
+                # At first the edge itself has large residuals, not an occlusion: its pixels keep their weight until it
+                # fits.
                 scale = max(noise, float(np.mean(residual**2)))
                 weight = 1.0 / (1.0 + (residual**2 / (scale * softness**2)) ** 2)
                 best, cost, damping = state, now, damping / 5.0
@@ -204,5 +207,5 @@ def _beyond(dx: Array, dy: Array, blurs: tuple[float, float], state: Array) -> t
         for depth, blur in zip((along - state[DISTANCE], aside - state[ASIDE]), blurs, strict=True)
     )
     by_distance, by_aside = -rise * (1.0 - other), -rise_aside * (1.0 - one)
-    # Turning moves the one edge along the other's depth.
+    # A rotation of the corner moves each edge in proportion to the depth along the other one.
     return one + other - one * other, (-by_distance * aside + by_aside * along, by_distance, by_aside)

@@ -17,25 +17,25 @@ from evaluator.tracking.refinement.kernels import AMPLITUDE, BASE, INSIDE, PIXEL
 Array = NDArray[np.float64]
 Plane = NDArray[np.unsignedinteger]
 
-# What `fit_mark` says: too little of the colour is there; something is unusual; all is well.
+# Results of `fit_mark`: too little of the colour is present; something is unusual; nothing is unusual.
 TOO_LITTLE, UNUSUAL, WELL = range(3)
-# Places of what is usual of a mark: its amplitude, base, scatter of the residual (one sigma), least noise, area of its
-# colour when all of it shows.
+# Indices of a mark's usual values: amplitude, base, scatter of the residual (one sigma), least noise, area of its
+# colour when it is completely visible.
 U_AMPLITUDE, U_BASE, U_SCATTER, U_LEAST_NOISE, U_AREA = range(5)
 
-FEW, MANY = 0.35, 1.5  # of the usual area: less is no mark, more has something of its colour beside it
-# Residual (mean square over noise) above which something is in the way for certain: 4 sigma for the 130 pixels of a
-# mark of 5 px radius. The background's slope is then fitted too, and the light is suspected.
+FEW, MANY = 0.35, 1.5  # of the usual area: below, it is no mark; above, something of its colour is beside it
+# Residual (mean square over noise) that proves a disturbance: 4 sigma for the 130 pixels of a mark of 5 px radius. A
+# slope of the background is then fitted too, and a change of the light is considered.
 DISTURBED = 1.5
-# Sigmas of the residual's usual scatter (as it was learnt: codecs make it larger than chance) from which a sloping
-# background is tried, and from which the uncertainty allows for what is in the way.
+# Residual, in sigmas of its usual scatter (learnt, because codecs make it larger than chance), from which a sloping
+# background is tried, and from which the uncertainty is increased because of a disturbance.
 SUSPECT, ODD = 2.0, 3.0
-LEAST_INSIDE, LEAST_USED = 0.9, 0.75  # of a mark's pixels: in the frame, and its own
-BRIGHTER = 1.2  # amplitude over what it was, from which the light has changed rather than flickered
-PLAUSIBLE = 4.0  # amplitude over what it was, either way, beyond which it is something else
+LEAST_INSIDE, LEAST_USED = 0.9, 0.75  # least share of a mark's pixels within the frame, and with full weight in the fit
+BRIGHTER = 1.2  # ratio of amplitudes from which the light has changed; flicker is smaller
+PLAUSIBLE = 4.0  # ratio of amplitudes, in either direction, beyond which it is another object
 NOISE_STEP = 1.03
-CALMER = 0.7  # of the noise: residuals of 100 pixels stay above by chance in 98 %
-NOISE_RANGE = 30.0  # least and most noise of a recording, compressed or not, in variance
+CALMER = 0.7  # of the noise: 98 % of the residuals of 100 pixels exceed it by chance
+NOISE_RANGE = 30.0  # ratio of the largest to the smallest noise variance of recordings, compressed or not
 PER_MEDIAN = 1.4826  # sigma over median deviation
 
 
@@ -46,8 +46,8 @@ def fit_mark(
 ) -> int:  # fmt: skip
     """Find a mark within reach of (x, y), px, and fit its disc there.
 
-    cell, color, found: of `color_window`. path_x, path_y: px that it moves while the shutter is open. usual: see the
-    names at the top. disc, table, noise, start, result: of `fit_disc`; start and disc's smear are filled here.
+    cell, color, found: see `color_window`. path_x, path_y: px that it moves while the shutter is open. usual: see the
+    names at the top. disc, table, noise, start, result: see `fit_disc`; start and the disc's smear are set here.
     """
     radius, (amplitude, base, scatter, _, usual_area) = disc.item(0), usual.tolist()
     color_window(u, v, cell, x, y, radius + reach, color, found)
@@ -55,7 +55,7 @@ def fit_mark(
     if area < FEW * usual_area:
         return TOO_LITTLE
     crowded = area > MANY * usual_area
-    # The colour's centre is good to a chroma sample, the prediction usually to a tenth: take it unless they differ.
+    # The colour's centre errs by a chroma sample, the prediction usually by a tenth of one: use it unless they differ.
     near = crowded or abs(seen_x - x) + abs(seen_y - y) < 0.4 * radius + 1.0
     start[:] = (x, y, amplitude, base) if near else (seen_x, seen_y, amplitude, base)
     smear(disc, path_x, path_y)
@@ -82,13 +82,13 @@ def settle(usual: Array, noise: Array, color: Array, found: Array, result: Array
     """Update the usual values of a mark with its last measurement."""
     amplitude, base, scatter, least, _ = usual.tolist()
     measured, residual = result.item(AMPLITUDE), result.item(RESIDUAL)
-    # Lights change slowly, or at once.
+    # Light changes slowly or suddenly.
     rate = _follow_rate(measured, amplitude)
     usual[U_AMPLITUDE] = amplitude + rate * (measured - amplitude)
     usual[U_BASE] = base + rate * (result.item(BASE) - base)
-    # Noise is what residuals usually are: a codec leaves more of it on a moving mark than on one at rest. Steps of
-    # equal size toward either side follow the median, which a passing disturbance does not move.
-    # After a disturbance that lasted they are clearly lower, and must not hide the next one.
+    # Noise is the usual residual: a codec leaves more of it on a moving mark than on one at rest. Steps of equal size
+    # in both directions follow the median, which a short disturbance does not move. After a long disturbance the
+    # residuals are clearly lower; the noise is then reduced, so that it does not hide the next disturbance.
     step = NOISE_STEP if residual > 1.0 else 1.0 / NOISE_STEP if residual > CALMER else CALMER
     noise[0] = min(max(noise.item(0) * step, least), NOISE_RANGE * least)
     off = PER_MEDIAN * abs(residual - 1.0)

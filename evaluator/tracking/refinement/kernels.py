@@ -1,13 +1,13 @@
 """Compiled inner loops: sub-pixel position of a disc in the luma.
 
-Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Numbers only in and
-out; the meaning is in disc.py and follow.py.
+Image coordinates, px. Luma row j lies at y = row_origin + row_step·j. Arguments and results are numbers; disc.py and
+follow.py give their meaning.
 
-What a kernel calls becomes part of it (forceinline; the loop over the pixels is optimised by itself first). Several
-copies of a function, each optimised within another caller, sum in another order, and which of them runs depends on what
-was compiled and what came from numba's cache. Arrays to work in come from the caller, and loops and comparisons stand
-where numpy and Python have a word for them: each np.zeros, slice, sum, min and max in a kernel takes numba about as
-long as the loop around it.
+Functions called by a kernel become part of it (forceinline; the loop over the pixels is optimised separately first).
+Otherwise copies of a function that are optimised within different callers would sum in different orders, and which copy
+runs would depend on what was compiled and what came from numba's cache. Work arrays come from the caller, and loops and
+comparisons replace calls of numpy and Python: each np.zeros, slice, sum, min and max in a kernel takes numba about as
+long to compile as the loop around it.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201, ANN202, FURB136 - numba infers the types; comparisons compile sooner than min and max
@@ -22,18 +22,18 @@ from numpy.typing import NDArray
 from calibration.compilation import compiled
 from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 
-# Places of the numbers that `fit_disc` gives.
+# Indices of the results of `fit_disc`.
 X, Y, AMPLITUDE, BASE, VAR_X, VAR_Y, COV_XY, RESIDUAL, USED, INSIDE, PIXELS, SLOPE_X, SLOPE_Y = range(13)
 RESULTS = 13
 UNKNOWNS = 6  # centre, amplitude, base, two slopes
-WORK_ROWS = UNKNOWNS + 3  # normal equations, and state, right hand side and step under them
+WORK_ROWS = UNKNOWNS + 3  # normal equations, then state, right hand side and step
 
 Array = NDArray[np.float64]
 
 single = np.float32
-# Liberties of floating point that let sums of a row be taken several pixels at once; NaN stays what it is.
+# Floating-point options that allow the sums of a row to be vectorised; NaN is preserved.
 SUMS = {"contract", "arcp", "nsz", "reassoc"}
-LANES = 8  # pixels that processors of today take at once
+LANES = 8  # pixels that current processors handle at once
 
 
 def fit_disc(
@@ -58,8 +58,8 @@ def fit_disc(
 def _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noise, result, work):
     """Do what `fit_disc` does except for INSIDE; returns whether the frame's border cuts the fitted pixels.
 
-    path: of `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros. One kernel with and without slopes, with a loop
-    over the pixels for either.
+    path: see `path_of`, or None. work: (WORK_ROWS, UNKNOWNS), zeros. The kernel is the same with and without slopes,
+    with one loop over the pixels for each.
     """
     size = 6 if sloping else 4
     normal, state, right, move = work, work[UNKNOWNS], work[UNKNOWNS + 1], work[UNKNOWNS + 2]
@@ -80,7 +80,7 @@ def _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noi
         if count < 6.0 or not solve(normal, right, move, size):
             result[X] = result[Y] = result[RESIDUAL] = np.nan
             return False
-        # A step beyond the blurred edge leaves the range in which the slope means anything.
+        # Beyond the blurred edge the linearization is meaningless.
         length = math.sqrt(move[0] * move[0] + move[1] * move[1])
         longest = 0.35 * disc[0] + disc[1]
         shorten = longest / length if length > longest else 1.0
@@ -88,7 +88,7 @@ def _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noi
         state[1] += shorten * move[1]
         for m in range(2, size):
             state[m] += move[m]
-        # The next step would be shorter by the error of the slope across this one, 1/20 or less.
+        # The next step would be at most 1/20 as long, by the error of the linearization over this one.
         if length < 0.02:
             break
     invert_leading(normal, size, right, result)
@@ -111,7 +111,7 @@ def window_around(luma, row_origin, row_step, state, reach):
     top = math.ceil((state[1] - reach - row_origin) / row_step)
     bottom = math.floor((state[1] + reach - row_origin) / row_step) + 1
     top, bottom = top if top > 0 else 0, bottom if bottom < rows else rows
-    # Whole lanes, where the frame has them: what lies beyond the disc weighs nothing.
+    # Whole lanes, if the frame is wide enough: pixels beyond the disc have no weight.
     whole = left + (right - left + LANES - 1) // LANES * LANES
     return top, bottom, left, whole if left < right and whole <= columns else right
 
@@ -120,9 +120,9 @@ def window_around(luma, row_origin, row_step, state, reach):
 def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, path, noise, normal, right):  # noqa: PLR0915 - one loop
     """Fill the upper triangle of the normal equations of `fit_disc` at a state, from the pixels in a window.
 
-    path: of `path_of`, or None where nothing smears: a loop of its own is made of that, for nearly all frames.
-    Returns weighted squares, sum of outlier weights, pixels used. In one piece, in single precision and without
-    branches within a row, so that several pixels are taken at once: 1e-7 of the sums is below all else.
+    path: see `path_of`, or None without motion blur; a separate loop is compiled for None, which nearly all frames use.
+    Returns weighted squares, sum of outlier weights, pixels used. One loop in single precision and without branches
+    within a row, so that it is vectorised; the rounding error, 1e-7 of the sums, is negligible.
     """
     top, bottom, first, last = window
     x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
@@ -143,7 +143,7 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
         for i in range(first, last):
             dx = single(i - x)
             square = (stretch_x * dx + across) * dx + high
-            # Flat parts tell only amplitude and base: a quarter of their pixels is plenty.
+            # Flat parts determine only amplitude and base: a quarter of their pixels suffices.
             flat = (square < flat_in) | (square > flat_out)
             counts = (none if i & 1 else thin) if flat else one
             counts = counts if square <= outer2 else none

@@ -14,8 +14,8 @@ from evaluator.tracking.refinement.shape_kernel import OWN, PRODUCTS, SHAPE, add
 
 Array = NDArray[np.float64]
 Learnt = TypeVar("Learnt")
-Steps = Generator[None, None, Learnt]  # of something that takes long, so that frames can be looked at in between
-BEYOND, FEW = 5.0, 0.005  # spreads beyond which residuals are not the disc's, and share of them that does no harm
+Steps = Generator[None, None, Learnt]  # a long computation in steps, so that frames can be measured in between
+BEYOND, FEW = 5.0, 0.005  # spreads from which a residual does not belong to the disc; harmless share of such residuals
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
             break
         square = np.square(np.nan_to_num(residual) / (3 * spread))
         samples = replace(samples, weight=1.0 / (1.0 + square * square))
-    # A codec leaves a flat mark without noise and its edge with much: the median sees the flat alone.
+    # A codec leaves a flat mark without noise and its edge with much noise: the median reflects only the flat part.
     spread = max(float(np.sqrt(np.mean(np.minimum(left**2, (BEYOND * spread) ** 2)))), 0.3)
     amplitude, base = np.median(own[:, 2:4], axis=0)
     radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
@@ -106,7 +106,7 @@ def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, A
         equations, total, residual, count = _pooled(samples, shared, own)
         yield
         if total < cost:
-            done = cost - total < 1e-3 * total  # a shape that is wrong by a thirtieth of its own uncertainty
+            done = cost - total < 1e-3 * total  # the shape is then off by a thirtieth of its uncertainty
             best, cost, damping, pixels = (shared, own, residual), total, max(damping / 5, 1e-6), count
             if done:
                 break
@@ -118,7 +118,7 @@ def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, A
             if keep is None:
                 raise np.linalg.LinAlgError("the patches hold no disc")
         matrix, right, first, cross = keep
-        # Weak prior on the slant: 0.2 covers tilts to 35 degrees; without it small blurred marks leave it free.
+        # Weak prior on the slant: 0.2 includes tilts up to 35 degrees; small blurred marks do not determine it.
         prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(pixels, 1) / 0.2**2)
         scaled = matrix + prior + damping * np.diag(np.diag(matrix) + 1e-9)
         move = np.clip(np.linalg.solve(scaled, right - prior @ best[0]), -0.3, 0.3)
@@ -139,7 +139,7 @@ def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:
 def _pooled(
     samples: _Samples, shared: Array, own: Array
 ) -> tuple[tuple[Array, Array, Array, Array], float, Array, int]:
-    """Normal equations of the shared unknowns, and each patch's step at fixed shared ones with its derivative by them.
+    """Normal equations of the shared unknowns, and each patch's step at fixed shared unknowns with its derivative.
 
     Returns these four, the sum of the weighted squares, the residuals, NaN beyond the pixels used, and their number.
     """

@@ -1,6 +1,7 @@
 """Occluded pixels of a mark: residuals common to neighbours, beyond noise and a small shift.
 
-Planes of a window: the mark's profile, its slopes along x and y, what the luma leaves of it, and the mean of that.
+Planes of a window: the mark's profile, its slopes along x and y, the residual of the luma, and its mean over 3 × 3
+pixels.
 """
 # mypy: disallow-untyped-defs=false, disallow-untyped-calls=false
 # ruff: noqa: ANN001, ANN201 - numba infers the types
@@ -18,22 +19,22 @@ from evaluator.tracking.refinement.motion_blur import mean_over
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Sigmas of the mean of 3 × 3 pixels beyond which something covers them: 1 % of the clear pixels are lost.
+# Sigmas of the 3 × 3 mean beyond which its pixels count as occluded: 1 % of the clear pixels are lost.
 BEYOND = 3.0
-# What the mean of 3 × 3 residuals reaches, beyond a shift of CORE_OFF_PX, where something lies across a mark: sigmas of
-# the frame's single pixels, and share of the amplitude. Of 10,000 clear marks none reaches both; codec blocks, whose
-# errors are shared by all neighbours, reach 4 % of the amplitude, at the median 2 %. A wire over 3 % of a mark reaches
-# 30 %, one beside it 9 %; 4 % where the shape that it is seen against was learnt under it. Less is asked for where it
-# is likely: just after something was seen, and while learning, from all frames alike.
+# Least 3 × 3 mean of the residuals, beyond those of a shift of CORE_OFF_PX, that shows an occlusion: in sigmas of
+# single pixels, and as a share of the amplitude. Of 10,000 clear marks none exceeds both. Codec blocks, whose errors
+# are correlated between neighbours, reach 4 % of the amplitude, with a median of 2 %. A wire over 3 % of a mark reaches
+# 30 %, one beside it 9 %, and 4 % if the shape was learnt with the wire. The limits are lower where an occlusion is
+# likely: just after one was seen, and while a shape is learnt, there for all frames alike.
 CORE, CORE_EXPECTED, CORE_OFF_PX = (4.0, 0.06), (2.6, 0.03), 0.1
-# Most, over what single pixels' noise makes of it, that the mean's noise is taken for: codec blocks share their errors.
+# Largest noise of the mean, over that predicted from single pixels: errors within codec blocks are correlated.
 MOST = 2.0
 PROFILE, ALONG_X, ALONG_Y, LEFT, MEAN, WORK = range(6)  # planes of a window
 
 
 @compiled(nogil=True)
 def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
-    """Fill profile, slopes and residual of the pixels of a window at a state, as `kernels.accumulate` has them.
+    """Fill profile, slopes and residual of the pixels of a window at a state, computed as in `kernels.accumulate`.
 
     top_y: y of the window's first row; left: its first column; path: of `motion_blur.path_of`, or None.
     """
@@ -59,7 +60,7 @@ def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
 
 @compiled(nogil=True, forceinline=True)
 def smooth(planes):
-    """Fill the mean over 3 × 3 pixels of what is left; a window's border repeats itself."""
+    """Fill the mean over 3 × 3 pixels of the residuals; pixels at the border of a window are repeated beyond it."""
     _, tall, wide = planes.shape
     for j in range(tall):
         for i in range(wide):
@@ -96,7 +97,7 @@ def trimmed(planes: Array, plane: int, used: Mask, scale: float) -> float:
 
 
 def scale_of(planes: Array, used: Mask, noise: float) -> float:
-    """Sigma of the 3 × 3 means of the residuals, without outliers: errors of the frame shared by neighbours."""
+    """Sigma of the 3 × 3 means of the residuals, without outliers: it includes correlated errors of the frame."""
     least = math.sqrt(noise) / 3.0
     return float(min(max(trimmed(planes, MEAN, used, 6.0 * least), least), MOST * least))
 

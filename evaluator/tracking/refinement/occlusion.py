@@ -53,20 +53,20 @@ from evaluator.tracking.refinement.occluded_pixels import (
 
 Array = NDArray[np.float64]
 
-# px by which the mark may be off while it is fitted; the last one is about what the edge of a real mark is untrue by.
+# px by which the mark may be off during the fit; the last value is the irregularity of the edges of real marks.
 OFF_PX = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.05)
-# Share of a mark's information on its centre that what covers it takes, from which the fit without is taken. By chance
-# and by the blocks of a codec it takes less.
+# Share of the information on a mark's centre that an occlusion must take before the occluded pixels are excluded.
+# Chance and the blocks of a codec take less.
 NOTABLE = 0.03
-SLOPING = 12.0  # fall of the squares, in variances, that two slopes bring by chance once in 400 frames
-SLOPES_AT = 2  # step at which slopes are looked for: what covers the mark is about known then
-# Of the shift that a slope makes, what may be left where it is taken out: what bends (the light of a lamp's reflection,
-# over the distance that it fades in).
+SLOPING = 12.0  # decrease of the squared residuals, in variances, that two slopes cause by chance once in 400 frames
+SLOPES_AT = 2  # step at which slopes are tried: the occluded pixels are known approximately by then
+# Share of the shift by a slope that may remain after correction, because light is curved: the reflection of a lamp,
+# over the distance in which it fades.
 BENT = 0.2
-PARTS = 12  # of the rim: 30 degrees each, as much as a thin wire blurs on a small mark
-FEW_SQUARES = 1.5  # mean of a variance that is known from about six squares alone
-LEAST_PIXELS = 12.0  # that a disc is fitted to
-FLAT = 1e-3  # of the steepest slope: pixels below it tell only amplitude and base, and a quarter of them is plenty
+PARTS = 12  # of the rim: 30 degrees each, the width that a thin wire affects on a small mark
+FEW_SQUARES = 1.5  # factor for a variance that is estimated from about six squares only
+LEAST_PIXELS = 12.0  # fewest pixels to which a disc is fitted
+FLAT = 1e-3  # of the steepest slope: flatter pixels determine only amplitude and base, and a quarter of them suffices
 
 
 def fit_uncovered(
@@ -74,19 +74,20 @@ def fit_uncovered(
     table: NDArray[np.float32], noise: Array, result: Array, shown: NDArray[np.bool_] | None,
     core: tuple[float, float], least: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Fit a disc to those of its pixels that nothing covers.
+    """Fit a disc to its visible pixels.
 
-    fitted: what `kernels.fit_disc` gave, with the slopes that are kept. disc, table, noise: as it takes them. result:
-    as it gives them, but with variances as parts of the rim show them and a residual of the pixels that are left.
-    shown: of the luma's shape, set to False where it is covered; or None. core: CORE or CORE_EXPECTED. least: share of
-    the information on the centre, of pixels that seem covered at first, from which the fit is done. Returns that share
-    (0 where nothing stands out as far as core), and the share that is covered in the end: 0 where no fit was done, 1
-    where nothing is left to fit; nothing is written then.
+    fitted: result of `kernels.fit_disc`; its slopes are kept. disc, table, noise: as in `kernels.fit_disc`. result:
+    filled as by `kernels.fit_disc`, but with variances from the parts of the rim and the residual of the visible
+    pixels. shown: (shape of luma), set to False where the mark is occluded; or None. core: CORE or CORE_EXPECTED.
+    least: share of the information on the centre in seemingly occluded pixels, from which the fit is done.
+
+    Returns this share (0 if no residual reaches core), and the share that is occluded in the end: 0 if no fit was done,
+    1 if too few pixels are left to fit; result is not written in these two cases.
     """
     top, bottom, left, right = _window(luma.shape, row_origin, row_step, fitted, disc)
     if bottom - top < 5 or right - left < 5:
         return 0.0, 0.0
-    # Compiled once, whatever a recording's samples are.
+    # float64, so that the kernels are compiled once for all sample types of recordings.
     window = luma[top:bottom, left:right].astype(np.float64)
     place, covered = (row_origin + row_step * float(top), float(row_step), left), np.zeros(window.shape, np.bool_)
     seeming, share = _fit_window(window, place, fitted, disc, table, noise, result, covered, core, least)
@@ -101,8 +102,8 @@ def _fit_window(
 ) -> tuple[float, float]:  # fmt: skip
     """`fit_uncovered` in a window; place: y of its first row, step of its rows, its first column.
 
-    Its kernels are compiled one by one, most of them only where something stands out: in one piece they took a third of
-    all that the tracker compiles.
+    Its kernels are compiled separately, most of them only if an occlusion is found: as one kernel they took a third of
+    the tracker's compilation time.
     """
     state = np.zeros(6)
     state[: BASE + 1], state[4:] = fitted[: BASE + 1], fitted[SLOPE_X : SLOPE_Y + 1]
@@ -111,7 +112,7 @@ def _fit_window(
     if not stands_out(planes, used, fitted.item(AMPLITUDE), noise.item(0), core):
         return 0.0, 0.0
     scale = scale_of(planes, used, noise.item(0))
-    # As is seen before the first step, with the last of the shifts.
+    # The occlusion as it appears before the first step, with the last of the shifts.
     seeming = cover(planes, used, scale, OFF_PX[-1], covered)
     if seeming < least:
         return seeming, 0.0
@@ -202,7 +203,7 @@ def _window(
 def _pull(planes, used, covered, state, noise, top_y, row_step, left, split, products, pulls, row):  # noqa: C901 - one loop
     """Fill the normal equations and their right hand side; returns weights, their squares and the pixels.
 
-    split: whether for every part of the rim by itself, rather than all for the first. row: ones, to work in.
+    split: whether the equations are summed for each part of the rim separately. row: (n,) ones, work array.
     """
     weight = squares = count = steepest = 0.0
     for m in range(PARTS):

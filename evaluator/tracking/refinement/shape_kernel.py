@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Rows and columns of the products: centre, amplitude, base and two slopes of the patch (what is its own), log radius,
-# log blur and slant of the shape, and the residual.
+# Rows and columns of the products: centre, amplitude, base and two slopes of a patch (its own unknowns), then log
+# radius, log blur and slant of the shape (common to all patches), then the residual.
 OWN, SHAPE = 6, 4
 PRODUCTS = OWN + SHAPE + 1
 
@@ -21,7 +21,7 @@ def add_products(
 ) -> int:  # fmt: skip
     """Fill products with those of each patch's derivatives and residual; returns the pixels used.
 
-    x, y, value, weight: (n,), of all patches; first: where each patch's begin, (m + 1,). shape: radius, blur, e1, e2;
+    x, y, value, weight: (n,), of all patches; first: (m + 1,), first sample of each patch. shape: radius, blur, e1, e2;
     outer: radius of the pixels used. own: (m, OWN), x, y, amplitude, base and slopes of the background. tables: of
     `disc.tabulate`, per_px entries a px. products: (m, PRODUCTS, PRODUCTS). residual: (n,), filled, NaN beyond outer.
     """
@@ -39,8 +39,8 @@ def add_products(
     g, grown = amplitude * slope, amplitude * radius * ring
     residual[:] = np.nan
     residual[used] = value[used] - base[used] - amplitude * p - tilt_x[used] * dx - tilt_y[used] * dy
-    # A disc magnified as a whole, blur and all, has the same luma at the magnified distance: what a blur grown by its
-    # own size changes is what the two others leave.
+    # If a disc is magnified together with its blur, the luma at the magnified distance is the same. The derivative by
+    # log blur therefore follows from those by radius and by distance.
     rows = np.stack([
         -g * ((1.0 + e1) * dx + e2 * dy) / r, -g * (e2 * dx + (1.0 - e1) * dy) / r, p, np.ones_like(p), dx, dy,
         grown, -(r * g + grown), g * (dx * dx - dy * dy) / (2.0 * r), g * dx * dy / r, residual[used],

@@ -17,36 +17,36 @@ from evaluator.tracking.refinement.occlusion import BENT, NOTABLE, SLOPING, fit_
 
 Array = NDArray[np.float64]
 
-# A slope or a wire that was there from the start, or came slowly, looks just like a shift: it is looked for in every
-# fourth frame, and in the eight after one that has it. Lenses and lamps change by about 0.1 % a pixel (`shading`),
-# reflections by more.
+# A slope or a wire that is present from the start, or appears slowly, looks like a shift. It is therefore looked for in
+# every fourth frame, and in the eight frames after one that has it. Light of lenses and lamps changes by about 0.1 %
+# per pixel (`shading`), reflections by more.
 LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
-UNTAKEN = 1.0  # of the shift that a slope makes, what may be left where it is not taken out
-SMALLEST_PX = 2.0  # radius of a mark's even inside that a slope can be seen in
-LEFT = 0.35  # share of a mark's information that is left where it is still measured beside what covers it
-# Of what seems occluded: a slope that leaves more of it is none. Wires leave 0.95 or more of it, glare up to 0.85.
+UNTAKEN = 1.0  # share of the shift by a slope that counts as an error if the slope is not corrected
+SMALLEST_PX = 2.0  # least radius of a mark's even interior in which a slope can be measured
+LEFT = 0.35  # least visible share of a mark's information with which an occluded mark is still measured
+# A slope explains an occlusion unless more than this share of it remains. Wires leave 0.95 or more, glare up to 0.85.
 EXPLAINED = 0.9
-# Standard uncertainty, in blurs of the edge, up to which the parts of a rim agree: beyond, steps are no longer linear.
+# Largest uncertainty, in blurs of the edge, at which the parts of a rim agree; beyond it steps are no longer linear.
 AGREED = 0.25
-NEGLIGIBLE = 0.5  # of a centre's own sigma: an edge that shifts it by less adds an eighth to its error at most
-# Of the shift that an edge makes, what may be left where it is taken out: lenses blur light, and in the gamma that
-# cameras write the flank of a light edge reaches farther than that of a mark. A gamma of 2.2 leaves 0.5 to 0.65 of it.
+NEGLIGIBLE = 0.5  # of a centre's sigma: an edge that shifts it by less increases its error by an eighth at most
+# Share of the shift by an edge that may remain after correction: lenses scatter light, and with a camera's gamma the
+# flank of a bright edge extends farther than that of a mark. A gamma of 2.2 leaves 0.5 to 0.65 of the shift.
 EDGED = 0.6
 CHANCE = 2.0  # standard deviations
-HALF = 0.5  # of the residual before a slope: a body's edge explains that, though it is not all that disturbs
-NEVER = 2.0  # share that nothing reaches
+HALF = 0.5  # of the residual with a slope: the edge of a body explains so much, even beside other disturbances
+NEVER = 2.0  # a share that is never reached, so that no fit is done
 
 
 @dataclass
 class SlowPath:
-    """Fits of one mark and what they show; the arrays are those of `kernels.fit_disc`, shared with who follows it.
+    """Fits of one mark and their findings; the arrays are those of `kernels.fit_disc`, shared with the follower.
 
-    inner_px: radius of the mark's even inside. watch: frames left in which a slope is looked for; occluded_lately: and
-    what covers the mark, too. shift: of the centre by a slope that was not taken out when the slow path was last taken,
-    as far as it may be wrong, px. occluded: whether the result is that of what shows beside something that covers the
-    mark: its variances are then whole. shape: of the mark. edge: beside the mark, as it was seen
-    last; edge_lately: frames left in which it is fitted even if nothing slopes, or below zero in which it is not, as
-    there was none.
+    inner_px: radius of the mark's even interior. watch: remaining frames in which a slope is looked for;
+    occluded_lately: remaining frames in which an occlusion is looked for. shift: shift of the centre by a slope that
+    was not corrected in the last slow path, px, as an uncertainty. occluded: whether the result is that of the visible
+    part of an occluded mark; its variances are then complete. shape: of the mark. edge: last edge found beside the
+    mark; edge_lately: remaining frames in which an edge is fitted even without a slope, or, if negative, in which none
+    is fitted because none was found.
     """
 
     disc: Array
@@ -92,7 +92,7 @@ class SlowPath:
         result, sloped = self.result, self.sloped
         if not result[kernels.X] < np.inf:
             return False
-        # What covers a mark leaves more residual than usual.
+        # An occlusion leaves more residual than usual.
         due = suspicious or self.occluded_lately > 0 or (self.regular(frame) and result[kernels.RESIDUAL] > 1.0)
         seeming, share = self._fit_unoccluded(frame, result, NOTABLE) if due else (0.0, 0.0)
         self._fit(frame, result[: kernels.BASE + 1], sloping=True, result=sloped)
@@ -146,8 +146,8 @@ class SlowPath:
             return None
         fitted, self.edge = found
         shift = fitted[: kernels.Y + 1] - self.result[: kernels.Y + 1]
-        # A rough floor looks like an edge, too, but leaves more than a slope does: more than chance makes of residuals,
-        # each a mean of squares.
+        # A rough floor resembles an edge, but leaves a larger residual than a slope does, by more than chance:
+        # residuals are means of squares.
         chance = CHANCE * np.sqrt(2.0 / self.sloped.item(kernels.PIXELS))
         if (
             fitted[kernels.RESIDUAL] > (1.0 + chance) * self.sloped.item(kernels.RESIDUAL)
