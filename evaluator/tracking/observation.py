@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 OK = "ok"
-REPEATED = "repeated frame"  # the recording shows the frame before once more
-BACKGROUND = "at rest while the robot moves"  # something of its colour that is not on the robot: found afterwards
-ALONE = "at rest, without its partner"  # nothing shows that it is a mark of a robot: found afterwards
-UNLIKE = "at rest, and unlike the marks of a robot"  # no pair ever looked like one, and nothing moved: found afterwards
-MISTAKEN = "something else, not the mark found later"  # a likelier pair came into view or into light: found afterwards
+REPEATED = "repeated frame"  # the recording shows the previous frame again
 AMBIGUOUS = "ambiguous"
-STRANGER = "not on the other mark's body"  # their distance changes as much as they move: found afterwards
-OFF_COURSE = "off its course"  # where it cannot have come to, as codec residue is: found afterwards
-WRONG_DISTANCE = "wrong distance"  # it and its partner lie farther apart or nearer than on one body: found afterwards
+# Reasons that are found after the whole recording has been tracked:
+BACKGROUND = "at rest while the robot moves"  # an object of the mark's colour that is not on the robot
+ALONE = "at rest, without its partner"  # no evidence that it is a mark of a robot
+UNLIKE = "at rest, and unlike the marks of a robot"  # no pair looked like the marks of a robot, and nothing moved
+MISTAKEN = "something else, not the mark found later"  # a more probable pair appeared, or was lit, later
+STRANGER = "not on the other mark's body"  # their distance changes as much as they move
+OFF_COURSE = "off its course"  # a position that it cannot have reached, such as codec residue
+WRONG_DISTANCE = "wrong distance"  # its distance from its partner is not that of one body
 
 
 class Sighting(NamedTuple):
@@ -31,13 +32,13 @@ NAN = float("nan")
 ABSENT = {
     reason: Sighting(NAN, NAN, NAN, NAN, NAN, reason)
     for reason in (
-        "not seen",  # its colour is nowhere that it could be
+        "not seen",  # its colour is nowhere within its reach
         "outside the image",  # partly or wholly beyond the border
-        "partly hidden",  # too little of it shows
+        "partly hidden",  # too small a part is visible
         "disturbed",  # its luma is not that of a disc: glare, a wire, a shadow
-        "faded",  # its colour is there but much paler than it was: what a codec left behind, or a shadow
+        "faded",  # its colour is there but much paler: codec residue, or a shadow
         "no disc",  # its colour is there but no disc of its size and brightness
-        AMBIGUOUS,  # something else of its colour is beside it or in its place
+        AMBIGUOUS,  # another object of its colour is beside it or in its place
         REPEATED,
     )
 }

@@ -35,8 +35,8 @@ def of_another_size(frame_px: tuple[int, int], camera_px: tuple[int, int]) -> st
     found += f"{camera_px[0]}×{camera_px[1]} px"
     if frame_px == camera_px[::-1]:
         return (
-            f"{found}; a program turned the one or the other by 90 degrees (orientation tags are not obeyed, neither of"
-            " images nor of videos): use the files as the camera wrote them"
+            f"{found}; a program turned one of them by 90 degrees (orientation tags are ignored, those of"
+            " images and of videos): use the files as the camera wrote them"
         )
     return f"{found}; calibrate in the camera mode of the recording"
 

@@ -29,8 +29,9 @@ class Table(BaseModel):
 class MarkSettings(Table):
     """One mark. hue_deg: [from, to] in HSV degrees, going up; may pass 360. diameter_px: about, to 30 %.
 
-    color: a name of colors.toml or "#rrggbb". kind: a coloured sticker, a light, or a tag (ArUco, AprilTag) of number
-    id, by default the number that its name ends in, of a dictionary as OpenCV names it (4x4_50, apriltag_36h11).
+    color: a name of colors.toml or "#rrggbb". kind: a coloured sticker, a light, or a tag (ArUco, AprilTag). id: number
+    of a tag, by default the number at the end of its name. dictionary: of tags, as OpenCV names it (4x4_50,
+    apriltag_36h11).
     """
 
     kind: Kind = "color"
@@ -52,11 +53,11 @@ class MarkSettings(Table):
 
     @property
     def said(self) -> bool:
-        """Whether the settings give its colour by numbers instead of a name."""
+        """Whether its colour is given by numbers instead of a name."""
         return self.hue_deg is not None or (self.color or "").startswith("#")
 
     def hue_range(self, name: str) -> tuple[float, float]:
-        """Hues this mark may have; name: of the mark, whose colour is the default."""
+        """Hues of this mark, HSV degrees; name: of the mark, whose colour is the default."""
         if self.hue_deg is not None:
             return self.hue_deg
         color = self.color or name.split("_", maxsplit=1)[0]
@@ -75,7 +76,7 @@ class TrackingSettings(Table):
     mark: by name; a name begins with its colour (red, blue_left …) unless color or hue_deg states it. body: marks on
     one rigid body; by default those of the robot. region_px: search only here. mask_px: boxes to ignore.
     distance_diameters: distance of the two marks of a body over their diameter, used to choose between candidates in
-    the first frame (3.66 on the paper's robot). exposure: share of the frame interval that the shutter is open; by
+    the first frame (3.66 on the paper's robot). exposure: share of the frame interval for which the shutter is open; by
     default learnt from fast marks.
     """
 

@@ -31,7 +31,7 @@ def track(
 
     Returns a row per frame: frame, time_s, and per mark of the settings NAME_x_px, NAME_y_px, NAME_x_sigma_px,
     NAME_y_sigma_px, NAME_xy_cov_px2 (standard uncertainties and covariance of this frame's centre) and NAME_status:
-    "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px. Of a tag also NAME_corner1 to 4.
+    "ok", or why the mark is absent (its numbers are then NaN). Image coordinates, px. A tag also has NAME_corner1 to 4.
     progress: called with the numbers of frames done and expected. Raises InputError for a recording without colour.
     """
     wanted = settings or TrackingSettings()
@@ -41,7 +41,7 @@ def track(
     times: list[float] = []
     frames: list[int] = []
     kinds: list[str] = []
-    # Plain numbers: kept as objects, the garbage collector would look through all of them again and again.
+    # Plain numbers: objects would be examined again and again by the garbage collector.
     names = [part for name in wanted.mark for part in (watched.parts.get(name) or [name])]
     measured = {name: array("d") for name in names}
     status: dict[str, list[str]] = {name: [] for name in names}

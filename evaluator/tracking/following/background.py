@@ -15,11 +15,12 @@ from evaluator.tracking.following.pair import TOLERANCE
 Array = NDArray[np.float64]
 
 STILL_PX = 1.5  # largest deviation from its median, by noise and codec, of an object at rest
-TRAVELS = 3.0  # radii that a mark must move before an object at rest beside it is judged
-APART = 2.0  # times TOLERANCE: ratio of largest and smallest distance from which objects are not on one body
-# Change of the distance of two marks over their steps: a body that turns, seen at 60 degrees, reaches 0.5.
+TRAVELS = 3.0  # radii that a mark must travel before an object at rest beside it is judged
+APART = 2.0  # times TOLERANCE: ratio of the largest to the smallest distance from which two objects are not on one body
+# Ratio of the change of the distance of two marks to their steps: on a body that turns, seen at 60 degrees, at most
+# 0.5.
 APART_STEPS = 0.6
-STEADY_STEP = 0.5  # change of a step over the step: a robot that turns by 28 degrees a frame, or starts in two
+STEADY_STEP = 0.5  # relative change of a step: a robot that turns by 28 degrees per frame, or starts in two frames
 FEW = 4  # frames in which the other mark must be seen
 
 
@@ -32,14 +33,14 @@ def background(rest_px: Array, mover_px: Array, radius_px: float) -> NDArray[np.
     found = stays(rest_px, radius_px)
     always = len(found) > 0 and all(rests for _, rests in found)
     if always and np.isfinite(mover_px[:, 0]).sum() < FEW:
-        return np.isfinite(rest_px[:, 0])  # nothing shows that it is on a robot
+        return np.isfinite(rest_px[:, 0])  # no evidence that it is on a robot
     for rows, rests in found:
         if not rests:
             continue
         seen = mover_px[rows[0] : rows[-1] + 1]
         seen = seen[np.isfinite(seen[:, 0])]
         if len(seen) < FEW and always:
-            seen = mover_px[np.isfinite(mover_px[:, 0])]  # what never moves was there before, and will be
+            seen = mover_px[np.isfinite(mover_px[:, 0])]  # an object that never moves is present in all frames
         if len(seen) >= FEW and not on_one_body(np.median(rest_px[rows], axis=0), seen, radius_px):
             wrong[rows] = True
     return wrong
@@ -82,7 +83,8 @@ def travels(places_px: Array, radius_px: float) -> bool:
             return True
     step = np.diff(places_px, axis=0)
     way = np.hypot(*step.T)
-    # Of a fast mark every step is a jump; its steps are alike where those of things taken for one another are not.
+    # Every step of a fast mark looks like a jump. Successive steps of a mark are similar, those of confused objects are
+    # not.
     alike = np.hypot(*np.diff(step, axis=0).T) < STEADY_STEP * np.minimum(way[1:], way[:-1])
     fast = alike & (way[1:] > radius_px)
     return bool(np.convolve(fast, np.ones(FEW), "valid").max(initial=0) >= FEW)

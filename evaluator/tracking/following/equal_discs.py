@@ -9,11 +9,12 @@ from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.motion import Motion
 from evaluator.tracking.refinement.disc import shaped_as
 
-UNEQUAL = 0.08  # radii of equal marks differ by less: halation of a brighter mark, learning from noisy frames
-UNEQUAL_NOISE = 4.0  # and so does their noise: light and codec treat them alike
-UNEQUAL_SLANT = 0.02  # and they are slanted alike: a rim that something cuts looks slanted alone
+# Largest differences of two equal marks:
+UNEQUAL = 0.08  # relative, of their radii: halation of a brighter mark, learning from noisy frames
+UNEQUAL_NOISE = 4.0  # ratio of their noise, because they have the same light and codec
+UNEQUAL_SLANT = 0.02  # of their slants: an occluded rim looks slanted on one mark only
 MORE_OCCLUDED = 0.05  # difference in occluded information from which the partner's shape is more reliable
-DAZZLED = 2.0  # noise over squared contrast of one over the other; by their colours alone they differ by less
+DAZZLED = 2.0  # ratio of noise over squared contrast of two marks; a difference of their colours alone causes less
 
 
 def agree(followers: Mapping[str, Motion], pair: Sequence[str], take: Callable[[Follower, Appearance], None]) -> None:
@@ -27,7 +28,7 @@ def agree(followers: Mapping[str, Motion], pair: Sequence[str], take: Callable[[
         return
     worse, better = sorted(marks, key=lambda mark: mark.radius_px)
     if worse.radius_px < (1 - UNEQUAL) * better.radius_px:
-        # What hides a mark makes it smaller; what dazzles it takes its contrast, and makes it larger.
+        # An occlusion makes a mark smaller; glare reduces its contrast and makes it larger.
         if better.look.disc.unclear > DAZZLED * worse.look.disc.unclear:
             worse, better = better, worse
     else:

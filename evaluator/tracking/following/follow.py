@@ -23,13 +23,13 @@ from evaluator.tracking.refinement.slow_path import SlowPath
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
 
 Array = NDArray[np.float64]
-# A disturbance that looked just like a shift would move the centre by √pixels times its own share of the noise; real
-# ones (wires, glare, shadows) reach a third of that.
+# A disturbance of the same form as the change by a shift would move the centre by √pixels times its share of the noise.
+# Real disturbances (wires, glare, shadows) reach a third of that.
 LIKENESS = 0.11
 HOPELESS = 8.0  # residual above which the mark is not a disc
 
 LATELY = 4.0  # intervals since a mark was last seen up to which that position is used for its velocity
-SMEARED_PX = 2.0  # motion in an interval from which the share of the shutter matters
+SMEARED_PX = 2.0  # motion in an interval from which the exposure matters
 STEADY = 2.0  # ratio of successive speeds beyond which a mark starts, stops or is pushed, instead of turning
 
 VAGUE = 0.2  # of the radius: uncertainty of a centre above which the mark hardly resembles the disc
@@ -41,8 +41,8 @@ RELEARN_AT = (60, 240)  # number of frames with the mark: one and four seconds o
 class Follower(Motion):
     """Tracker of one disc: last position and velocity, appearance, fits.
 
-    look: its appearance. exposure: share of the frame interval that the shutter is open, None to learn it. turn_rad_s:
-    rotation rate of the velocity, for motion blur.
+    look: its appearance. exposure: share of the frame interval for which the shutter is open, None to learn it.
+    turn_rad_s: rotation rate of the velocity, for motion blur.
     """
 
     look: Appearance
@@ -61,9 +61,12 @@ class Follower(Motion):
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
         self.seen, self.unlike, self.hidden, self.views = 0, 0, False, list[Patch]()
         self.light, self.rim = LightNotes(), Rim()
-        self.last_sighting: tuple[Point | None, float] = None, 0.0  # where and when it was seen last but not measured
+        self.last_sighting: tuple[Point | None, float] = (
+            None,
+            0.0,
+        )  # place and time at which it was last seen, not measured
         self._usual = np.zeros(5)
-        self._usual[fast_path.U_SCATTER] = (fast_path.DISTURBED - 1.0) / fast_path.ODD  # the largest that is believed
+        self._usual[fast_path.U_SCATTER] = (fast_path.DISTURBED - 1.0) / fast_path.ODD  # the largest plausible scatter
         self.take_look(self.look)
 
     def take_look(self, look: Appearance) -> None:
@@ -89,7 +92,7 @@ class Follower(Motion):
         self._noise[0] = max(noise, self._usual[fast_path.U_LEAST_NOISE])
 
     def _turned(self, velocity: Point, lapse_s: float) -> Point:
-        """Velocity after a lapse, extrapolated with its last rotation rate, so that motion blur fits on a curve."""
+        """Velocity after a lapse, extrapolated at its last rotation rate: motion blur then fits on curved paths."""
         if self.turn_rad_s == 0.0:
             return velocity
         (x, y), cos, sin = velocity, math.cos(self.turn_rad_s * lapse_s), math.sin(self.turn_rad_s * lapse_s)
@@ -100,21 +103,21 @@ class Follower(Motion):
     ) -> Sighting:
         """Measure a lost mark at a position found by a search of the whole frame.
 
-        Its velocity may have changed. guide: velocity, px/s, of its body. light: mean light of the frame over that when
-        the mark was last seen.
+        Its velocity may have changed. guide: velocity of its body, px/s. light: mean light of the frame, relative to
+        that of the frame in which the mark was last seen.
         """
         color, velocity, usual = self.color[4], self.velocity, self._usual.copy()
         turn_rad_s, self.turn_rad_s = self.turn_rad_s, 0.0
         self.color[4] = min(light, 1.0) * color
         if not 1.0 / fast_path.BRIGHTER < light < fast_path.BRIGHTER:
-            # Lights were switched: the mark has changed as all has.
+            # Lights were switched: the mark changed by the same factor as the whole image.
             self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE]] *= (
                 light,
                 light,
                 max(light, 1.0),
             )
         velocities = [(0.0, 0.0)] if guide == (0.0, 0.0) else [guide, (0.0, 0.0)]
-        # Seen in the frame before, though not measured: a jump of speed smears a mark as nothing predicted.
+        # The mark was seen just before: after a sudden change of speed, its motion blur differs from the predicted one.
         for where, when in ((self.position, self.time_s), self.last_sighting):
             lapse = frame.time_s - when
             if where is not None and 0 < lapse < LATELY * interval_s:
@@ -214,12 +217,12 @@ class Follower(Motion):
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
         if self._slow_path.occluded:
-            # One end of a smeared mark tells where its middle is only as well as the length of the smear is known.
+            # From one end of a smeared mark its middle is known only as accurately as the length of the smear.
             share, unsure = self.shutter
             half_x, half_y = ((0.5 * unsure / share if share else 0.0) * path for path in self._disc[5:7].tolist())
             return Sighting(x, y, var_x + half_x**2, var_y + half_y**2, cov_xy + half_x * half_y, OK)
-        # Residuals above the learnt noise (codec, wire, texture) widen the uncertainty by more than chance makes them
-        # scatter; a chance calm keeps it.
+        # Residuals above the learnt noise (codec, wire, texture) increase the uncertainty if they exceed it by more
+        # than chance; residuals below it do not reduce the uncertainty.
         scale, (dx, dy) = 1.0, self._slow_path.shift
         if residual > 1.0:
             odd = residual - 1.0 - fast_path.ODD * float(self._usual[fast_path.U_SCATTER])
@@ -274,7 +277,7 @@ class Follower(Motion):
         vague = sighting.status == OK and sighting.var_x + sighting.var_y > 2.0 * (VAGUE * self.radius_px) ** 2
         unlike = vague or sighting.status in {"no disc", "partly hidden", "not seen"}
         self.unlike = self.unlike + 1 if unlike and not self._slow_path.occluded else 0
-        # What went out of sight comes back in parts, which are no smaller mark.
+        # A mark that was out of sight reappears in parts; it is then not a smaller mark.
         self.hidden = unlike and (self.hidden or (sighting.status == "not seen" and self.last_sighting[1] < time_s))
         if self.move(sighting, time_s):
             self.turn_rad_s = self._turn(before, lapse)

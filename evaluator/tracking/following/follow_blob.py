@@ -15,16 +15,16 @@ from evaluator.tracking.refinement.blob import Blob, blobs_around
 
 Array = NDArray[np.float64]
 
-# Soft area over what it usually is: below, a part is hidden or smeared beyond its own colour; above, something else of
-# the colour touches it.
+# Ratio of the soft area to its usual value. Below, a part is hidden or smeared until its colour is lost; above, an
+# object of the same colour touches the mark.
 LEAST, MOST = 0.6, 1.7
-FADED = 0.55  # of the usual chroma: a codec's residue of a mark is paler than the mark
-RATE = 0.2  # of a new area or chroma in what is usual: slant and distance change them within a dozen frames
-SOUGHT = 0.2  # of the usual area: less of the colour is not looked at
-OUTLINE = 1.0  # of the area's relative variance times the spread, in the centre's: as clips with known truth show
-SLOWLY, SETTLED = 0.05, 10  # rate at which unsteadiness is learnt, and frames after which odd ones are cut back
-SMALLEST_PX = 4.0  # around a place, that its blob is looked for within
-SHUTTER = (0.5, 12**-0.5)  # share of the interval that the shutter is open, any being as likely
+FADED = 0.55  # of the usual chroma: codec residue of a mark is paler than the mark
+RATE = 0.2  # weight of a new area or chroma in the usual one: slant and distance change them within a dozen frames
+SOUGHT = 0.2  # of the usual area: smaller blobs are ignored
+OUTLINE = 1.0  # variance of the centre over (relative variance of the area × spread), measured in clips of known truth
+SLOWLY, SETTLED = 0.05, 10  # weight of a new squared change of the area; frames after which outliers are limited
+SMALLEST_PX = 4.0  # least distance around a position within which the blob is looked for
+SHUTTER = (0.5, 12**-0.5)  # open share of the interval and its standard uncertainty: uniform from 0 to 1
 
 
 class Look(NamedTuple):
@@ -36,7 +36,7 @@ class Look(NamedTuple):
 def start_blob(
     frame: Frame, cell: Array, place: Point, radius_px: float, color: Array, exposure: float | None
 ) -> BlobFollower:
-    """Begin to follow a blob found at a position; its radius is that at a threshold, which may exclude most of it."""
+    """Begin to follow a blob found at a position; its radius is of the part above a threshold, perhaps a small part."""
     reach = max(2.0 * radius_px, SMALLEST_PX)
     blobs = blobs_around(frame, cell, color, place, reach, SOUGHT * np.pi * radius_px**2)
     near = [one for one in blobs if np.hypot(*np.subtract(one.center_px, place)) < reach]
@@ -63,15 +63,15 @@ class BlobFollower(Motion):
     seen: int = 0
     last_sighting: tuple[Point | None, float] = (None, 0.0)
     long_px: float = 0.0  # half the longest axis
-    blob: Blob | None = field(default=None)  # as it was seen last
+    blob: Blob | None = field(default=None)  # as last measured
     unsteady: float = 1e-6  # variance of the logarithm of the area
     areas: tuple[float, ...] = ()  # logarithms of the last three
-    outline: list[tuple[float, float, float, float]] = field(default_factory=list)  # as `widen_by_outline` takes it
+    outline: list[tuple[float, float, float, float]] = field(default_factory=list)  # argument of `widen_by_outline`
 
     def __post_init__(self) -> None:
         """Compute what follows from the arguments."""
         self.shutter = SHUTTER if self.exposure is None else (self.exposure, 0.0)
-        self.strength = self.color[4] / 0.45  # as `learn_color` sets it
+        self.strength = self.color[4] / 0.45  # the ratio in `learn_color`
         self.long_px = self.long_px or 2.0 * self.radius_px
 
     @property
@@ -92,7 +92,7 @@ class BlobFollower(Motion):
     def look_again(
         self, frame: Frame, cell: Array, place: Point, interval_s: float, guide: Point, light: float
     ) -> Sighting:
-        """Measure a mark that was lost where the whole image was searched for it; as `Follower.look_again`."""
+        """Measure a lost mark at a position found by a search of the whole image; as `Follower.look_again`."""
         del interval_s, guide
         return self._look(frame, cell, place, self.radius_px, min(light, 1.0))
 
@@ -114,8 +114,8 @@ class BlobFollower(Motion):
         if not LEAST < ratio < MOST:
             return ABSENT["partly hidden" if ratio < 1.0 else "ambiguous"]
         self.blob = best
-        # Where a codec cuts or smears the outline, area and centre err together: a share of the area that is missing at
-        # one end moves the centre by that share of the length.
+        # If a codec cuts or smears the outline, the errors of area and centre are correlated: a missing share of the
+        # area at one end moves the centre by this share of the length.
         covariance = best.covariance_px2 + OUTLINE * self.unsteady * best.spread_px2
         (var_x, cov_xy), (_, var_y) = covariance.tolist()
         return Sighting(*best.center_px, var_x, var_y, cov_xy, OK)
@@ -146,6 +146,6 @@ class BlobFollower(Motion):
         self.areas = (*self.areas[-2:], log_area)
         if len(self.areas) == 3:
             first, middle, last = self.areas
-            # A second difference has six times the variance of one value; a single odd one tells little.
+            # A second difference has six times the variance of one value; single outliers are limited.
             square = min((first - 2.0 * middle + last) ** 2 / 6.0, 9.0 * self.unsteady if self.seen > SETTLED else 1.0)
             self.unsteady += max(SLOWLY, 1.0 / self.seen) * (square - self.unsteady)

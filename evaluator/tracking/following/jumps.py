@@ -2,8 +2,8 @@
 
 A codec that saves bits skips blocks: the image of a mark then stands still while the robot drives on, and jumps when
 the block is coded again; or a faded copy remains and is found now and then. Each single frame looks valid, but a body
-does not jump. A track is cut at jumps and at standstills beside jumps; accepted are the pieces that one body can have
-passed through, with as many frames as possible.
+does not jump. A track is cut at jumps and at standstills beside jumps. Of all sequences of pieces that one body can
+have passed through, the one with the most frames is accepted.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 AROUND = 10  # steps on either side that determine the usual step
-# A step longer than this many of the usual ones and this share of the mark's radius is a jump: what stands for two
-# frames and catches up takes three steps at once.
+# A step is a jump if it is longer than FASTER usual steps plus SHARE of the mark's radius: a mark that stands still for
+# two frames and then catches up makes a step of three usual ones.
 FASTER, SHARE, LEAST_PX = 1.8, 0.35, 1.5
-STILL, MOVING_PX = 0.25, 0.5  # of the usual step: standing; a usual step that standing can be distinguished from
-# Frames that a jump must be worth: a robot that was carried elsewhere is followed there, a residue of half a second is
-# not. Where some pieces move, those that stand count a third, all together up to half a jump: residue stands.
+STILL, MOVING_PX = 0.25, 0.5  # of the usual step: largest step at a standstill; least usual step that shows motion
+# Frames by which a path must be longer for each jump in it: it then follows a robot that was carried elsewhere, but not
+# a residue of half a second. If some pieces move, pieces at rest count by a third, and all together at most half a
+# jump, because residue is at rest.
 JUMP, STANDING = 15.0, 1.0 / 3.0
 
 
@@ -40,7 +41,7 @@ def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np
     room = max(SHARE * radius_px, LEAST_PX)
     far = steps * lapse > room + FASTER * float(np.median(steps)) * lapse
     if not far.any():
-        return wrong  # nearly all tracks
+        return wrong  # the case of nearly all tracks
     usual = _usual(steps, room)
     jumps = steps * lapse > room + FASTER * usual * lapse
     if not jumps.any():
@@ -61,7 +62,7 @@ def _usual(steps: Array, room: float) -> Array:
     usual = np.zeros_like(steps)
     for side in (around[:, :AROUND], around[:, AROUND + 1 :]):
         typical, most = _ranked(side, 0.5), _ranked(side, 0.8)
-        # Residue stands for long: then steps that are none say nothing. A jump is no usual step, either.
+        # Residue rests for long, so that its zero steps must not count; neither must jumps.
         with np.errstate(invalid="ignore"):
             moving = (side > STILL * most[:, None]) & (side < 3.0 * typical[:, None] + 2.0 * room)
         of_moving = _ranked(np.where(moving, side, np.nan), 0.5)
@@ -85,7 +86,7 @@ def _pieces(jumps: NDArray[np.bool_], still: NDArray[np.bool_]) -> list[slice]:
             before -= 1
         while after < len(still) and still[after]:
             after += 1
-        # The first frame of a rest is where the mark truly was.
+        # In the first frame of a rest the position is right.
         cuts |= {before + 1, after + 1 if after > k + 1 else int(k) + 1}
     ordered = sorted(cuts)
     return [slice(first, last) for first, last in pairwise(ordered)]

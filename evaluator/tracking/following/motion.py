@@ -9,16 +9,16 @@ Point = tuple[float, float]
 
 
 def beyond(frame: Frame, place: Point, radius_px: float) -> bool:
-    """Whether a mark at a place would be cut by the border of the image, or lie outside."""
+    """Whether a mark at a position would be cut by the border of the image, or lie outside."""
     return any(not radius_px < at < size - 1 - radius_px for at, size in zip(place, frame.size_px, strict=True))
 
 
 class Motion:
     """Position and velocity of one mark.
 
-    position, velocity: px and px/s at time_s (the mean since the frame before), None while never seen. missed: frames
-    since it was measured. seen: frames in which it was. last_sighting: place and time of the last frame in
-    which it was seen but not measured.
+    position, velocity: px, and px/s since the frame before, at time_s; None before it is first seen. missed: frames
+    since it was last measured. seen: number of frames in which it was measured. last_sighting: position and time of the
+    last frame in which it was seen but not measured.
     """
 
     position: Point | None

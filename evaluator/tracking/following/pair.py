@@ -12,23 +12,22 @@ from typing import TypeVar
 Point = tuple[float, float]
 Place = TypeVar("Place", bound=Sequence[float])
 
-# Perspective and slant change the distance of two marks in a frame by this at most, beyond what they were seen at: a
-# camera tilted by 20 degrees gives 6 % with direction and as much across the plate. Seen more slanted it changes by
-# more, but from frame to frame.
+# Largest relative change of the distance of two marks in the frame by perspective and slant: with a camera tilted by 20
+# degrees, 6 % with direction and as much across the plate. At a larger slant it changes by more, but slowly.
 TOLERANCE = 0.15
-HALFWAY = 0.5  # of the shortest distance: nearer to each other marks are seen at no slant that shows them as discs
-ENOUGH = 6  # frames with both marks from which their distance is believed
-SHARE = 0.05  # of a new distance in the running mean
+HALFWAY = 0.5  # of the shortest distance: two marks that appear nearer would be too slanted to be visible as discs
+ENOUGH = 6  # frames with both marks after which their distance is used
+SHARE = 0.05  # weight of a new distance in the running mean
 
 
 class Body:
-    """The marks' distance in the frame, px, as far as it is known; until then every position is accepted."""
+    """The marks' distance in the frame, px; every position is accepted until it is known."""
 
     def __init__(self) -> None:
         """Start without knowledge."""
         self._count, self.distance_px = 0, 0.0
         self._shortest, self._longest = math.inf, 0.0
-        self.confirmed = False  # both marks were seen at their distance since one of them was found anew
+        self.confirmed = False  # whether both marks were seen at their distance since one of them was found again
 
     @property
     def known(self) -> bool:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Frames over which the usual step is a mean: twice two, so that a recording of 30 frames a second which a screen shows
-# at 60, each frame twice, has a usual step that is half of each second one.
+# Frames in the mean that defines the usual step: two pairs. If a screen at 60 frames/s shows a recording of 30
+# frames/s, every frame appears twice, and the usual step is half of every second step.
 PACED = 4
-AROUND = 5  # frames to either side that the usual step is taken from
-MOVING_PX = 0.5  # a usual step from which standing still is distinguished from the codec's own errors
-STILL = 0.25  # of the usual step: what a mark may seem to move by while it is shown again
-AGAIN = 0.35  # relative difference between the step after and what was to be made up for
-LONGEST = 5  # frames repeated in a row
+AROUND = 5  # frames on either side from which the usual step is determined
+MOVING_PX = 0.5  # usual step from which a standstill is distinguished from errors of the codec
+STILL = 0.25  # of the usual step: largest apparent motion in a repeated frame
+AGAIN = 0.35  # relative difference between the step after a standstill and the motion that was missed
+LONGEST = 5  # consecutive repeated frames
 
 
 def repeated_frames(marks_px: list[Array]) -> list[Flags]:
@@ -61,7 +61,7 @@ def _of_mark(points: Array) -> tuple[Flags, Flags, Flags]:
     rows, ranked = np.arange(n), np.sort(around, axis=1)
     usual = np.where(count > AROUND, (ranked[rows, (count - 1) // 2] + ranked[rows, count // 2]) / 2, 0.0)
     known = np.flatnonzero(count > AROUND)
-    if len(known):  # the last frames have no others around them
+    if len(known):  # there are no later frames around the last ones
         usual[known[-1] + 1 :] = usual[known[-1]]
     moving = usual > MOVING_PX
     still = moving & (step < STILL * usual)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 LATELY = 10  # frames with both marks that determine the yaw rate: a third of a second
-NEARER = 0.5  # of the usual distance: below it, one mark was found twice
+NEARER = 0.5  # of the usual distance: below it, one mark was found under both names
 
 
 def exchanged(time_s: Array, one_px: Array, other_px: Array) -> tuple[Rows, Rows]:
@@ -40,7 +40,7 @@ def exchanged(time_s: Array, one_px: Array, other_px: Array) -> tuple[Rows, Rows
         turn = np.angle(apart[now] / apart[before] * np.exp(-1j * rate * lapse))
         swapped[now:] ^= abs(turn) > np.pi / 2
         if abs(turn) > np.pi / 2:
-            unknown[before + 1 : now] = True  # one of them was followed under the other's name
+            unknown[before + 1 : now] = True  # one of them was followed under the name of the other
         elif now == before + 1 and lapse > 0.0:
             rates.append(rate + float(turn) / lapse)
             fastest = max(fastest, abs(float(np.median(rates[-LATELY:]))))

@@ -22,11 +22,11 @@ from evaluator.tracking.settings import TrackingSettings
 
 Pair = dict[str, Candidate]
 Followers = Mapping[str, Follower | BlobFollower]
-# A search takes as long as ten frames of following: of a robot at rest, every sixteenth frame is searched; of
-# marks one of which is sought anyway, every fourth.
+# A search takes as long as ten frames of tracking. It is done in every sixteenth frame of a robot at rest, and in every
+# fourth frame if one of the marks is sought anyway.
 SELDOM_MASK, OFTEN_MASK = 15, 3
 IN_A_ROW = 3  # frames that show another pair before it is accepted; flicker and codec residue are shorter
-NEARBY = 2.0  # radii: tolerance of a predicted position, besides the motion in a frame
+NEARBY = 2.0  # radii: tolerance of a predicted position, in addition to the motion in a frame
 
 
 class SecondLook:
@@ -35,10 +35,10 @@ class SecondLook:
     def __init__(self) -> None:
         """Start with nothing followed.
 
-        plausible: in some frame the pair that is followed looked like the marks of a robot.
+        plausible: whether the followed pair looked like the marks of a robot in some frame.
         """
         self.plausible = False
-        self._began: dict[str, Point] = {}  # where both were when they were first followed together
+        self._began: dict[str, Point] = {}  # positions at which both were first followed together
         self._sure = False
         self._in_a_row = 0
 

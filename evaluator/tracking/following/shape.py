@@ -23,22 +23,22 @@ from evaluator.tracking.settings import TrackingSettings
 
 Held = tuple[Frame, list[Sighting]]
 Followers = dict[str, Follower | BlobFollower]
-Starts = dict[str, tuple[int, BlobFollower]]  # by mark: index of the frame, and what was found there
-Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some frames, and what it measured in them
+Starts = dict[str, tuple[int, BlobFollower]]  # by mark: index of the first frame, and the blob that was found in it
+Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some frames, and its measurements in them
 
 # A disc at 45 degrees is 1.41 times as long as wide; a larger elongation is significant motion blur.
 OBLONG = 1.45
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposures, as shares of the interval, tried for motion blur
 FEW = 3  # frames needed for a decision
 SELDOM = 0.5  # share of the frames with the blob in which a disc must be found
-# Frames, one after the other, in which a mark is unlike its disc, and its area then, of what it was, from which it is
-# another view of it.
+# Number of consecutive frames in which a mark differs from its disc, and ratio of its area to that of the disc, from
+# which it is seen in another view.
 UNLIKE, SMALLER = 6, 0.7
-# Variance of a colour's centroid over that of the disc in the luma, as pixels tell them, below which the mark hardly
-# shows in the luma. Codecs move a centroid by more than its pixels tell: in 18 clips of known truth the centroid errs
-# less wherever this is below 0.25, and either may where it is 0.3 to 0.45.
+# Variance of the colour's centroid over that of the disc in the luma, both from the scatter of pixels, below which the
+# mark hardly shows in the luma. Codecs move a centroid by more than pixels show: in 18 clips of known truth the
+# centroid has the smaller error wherever the ratio is below 0.25; from 0.3 to 0.45 either may have it.
 CLEARER = 0.25
-NEARBY = 3.0  # radii that a mark may be from where it was going to, while nothing is known of its speed
+NEARBY = 3.0  # radii: largest distance of a mark from its predicted position while its speed is unknown
 
 
 def try_blob(

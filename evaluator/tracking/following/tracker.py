@@ -35,14 +35,15 @@ from evaluator.tracking.refinement.disc import shaped_as
 from evaluator.tracking.refinement.learn_shape import finished
 from evaluator.tracking.settings import TrackingSettings
 
-# Light is measured in every second frame at first, then in every sixteenth: it belongs to the place, not to the time.
+# Light is measured in every second frame, and after SHADED frames in every sixteenth: it depends on the place, not on
+# time.
 SHADING_MASK, SHADED, RARELY_MASK = 1, 512, 15
-NEAR_MISSES = 8  # frames for which a lost mark is sought first where it was going to
+NEAR_MISSES = 8  # frames for which a lost mark is first sought near its predicted position
 DARKEST = 0.2  # of the earlier light: limit to which dimming is compensated in the search for known marks
-LIGHT_MASK = 7  # light is looked at in every eighth frame
+LIGHT_MASK = 7  # the mean light is measured in every eighth frame
 PATIENCE = 30  # frames to wait for both marks of a pair before following one alone
-DISCLESS = 3  # frames that show a mark's colour, but no disc, before it is followed without one
-STILL_PX = 0.3  # a mark that moves less a frame rests, and a codec may well repeat its frame
+DISCLESS = 3  # frames with a mark's colour, but no disc, after which it is followed as a blob
+STILL_PX = 0.3  # a mark that moves by less in a frame rests; a codec may then repeat its frame without harm
 NOT_SEEN, AGAIN, AMBIGUOUS = ABSENT["not seen"], ABSENT[REPEATED], ABSENT["ambiguous"]
 
 
@@ -54,9 +55,9 @@ class Tracker:
         self.settings = settings
         self.names = list(settings.mark)
         self.followers: dict[str, Follower | BlobFollower] = {}
-        self._starts: Starts = {}  # where each was found first, as if it were no disc
-        self._discless = dict.fromkeys(self.names, 0)  # frames in which its colour was found, but no disc
-        self._settled = False  # whether it is known from the first frames which marks are discs
+        self._starts: Starts = {}  # first frame and blob of each mark, as if it were no disc
+        self._discless = dict.fromkeys(self.names, 0)  # number of frames with its colour, but no disc
+        self._settled = False  # whether the first frames have shown which marks are discs
         self.cell: Array = np.zeros(4)
         self.interval_s = 1.0 / 60.0
         self._time_s: float | None = None
@@ -66,7 +67,7 @@ class Tracker:
         self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
         self._lessons = Lessons()
         self.second_look = SecondLook()
-        self.began: dict[str, int] = {}  # index of the frame before which something else was taken for a mark
+        self.began: dict[str, int] = {}  # index of the first frame of the mark; before it another object was followed
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
         """Yield every frame with the sightings of its marks, in the order of `names`.
@@ -75,11 +76,11 @@ class Tracker:
         """
         self._source = getattr(recording, "name", self._source)
         held: list[Held] = []
-        unlearnt: list[Held] = []  # frames before one of the marks was found to be another: seen with first shapes
+        unlearnt: list[Held] = []  # frames before a mark was replaced by another object; measured with first shapes
         learnt = False
         for frame in recording:
             began, sightings = dict(self.began), self.step(frame)
-            if self.began != began:  # other marks than before: what was held showed something else
+            if self.began != began:  # a mark was replaced: the held frames show another object
                 yield from unlearnt
                 unlearnt, held, learnt = held, [], False
             if not self.followers or learnt:
@@ -109,7 +110,7 @@ class Tracker:
             self._prepare(frame)
         followers = self.followers
         if frame.repeated and any(f.step_px(self.interval_s) > STILL_PX for f in followers.values()):
-            # The recorder filled a gap with the frame before: it shows where the marks were, not where they are.
+            # The recorder filled a gap with the frame before: it shows earlier positions of the marks.
             return [AGAIN] * len(self.names)
         self._discover(frame)
         sightings = self._all_followed(frame, time_s)
@@ -147,7 +148,7 @@ class Tracker:
 
     def _prepare(self, frame: Frame) -> None:
         if frame.u is None:
-            raise InputError(f"{self._source} has no colour: coloured marks cannot be told apart in it")
+            raise InputError(f"{self._source} has no colour: coloured marks cannot be distinguished in it")
         across, down = cell_of(frame)
         step = frame.row_step
         self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
@@ -164,7 +165,7 @@ class Tracker:
         place = None if follower is None else follower.predicted(time_s)
         if follower is None or place is None or follower.missed > NEAR_MISSES:
             return AMBIGUOUS if self._rivals.undecided else NOT_SEEN
-        # An acceleration may change the step by half of itself from one frame to the next; every miss adds to that.
+        # An acceleration may change a step by half from one frame to the next; the range grows with every miss.
         reach = (2.0 + 0.5 * follower.step_px(self.interval_s)) * (1 + follower.missed)
         return follower.look_at(frame, self.cell, place, reach, self.interval_s)
 
@@ -247,7 +248,7 @@ class Tracker:
         self._start_all(frame, chosen, balance)
 
     def _begin_anew(self, frame: Frame, better: Reading) -> None:
-        """Follow another pair; what was followed elsewhere was not the robot."""
+        """Follow another pair; the objects followed elsewhere were not the robot."""
         known, self._lessons, self.body = dict(self.followers), Lessons(), Body()
         self.followers.clear()
         for name, one in better.chosen.items():
@@ -265,13 +266,13 @@ class Tracker:
             self.second_look.note(chosen, self.settings)
         for name, candidate in chosen.items():
             if any(at_place_of(candidate, known, frame.time_s) for known in self.followers.values()):
-                continue  # two marks are never at one place
+                continue  # two marks are never at one position
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]
             self._start(name, frame, candidate, learn_color(candidate, others, neutral))
 
     def _start(self, name: str, frame: Frame, candidate: Candidate, color: Array) -> None:
-        if not candidate.whole:  # cut by the border of the image it does not tell its shape
+        if not candidate.whole:  # it is cut by the border of the image, so that its shape is unknown
             return
         where = candidate.center_px, candidate.radius_px
         self.second_look.begin()
@@ -287,7 +288,7 @@ class Tracker:
         pair = self.settings.pair
         partner = self.followers.get(next(other for other in pair if other != name)) if name in pair else None
         if isinstance(partner, Follower) and partner.seen >= LEARNING_FRAMES:
-            # What hid it so long may still cut it or shine on it: its partner shows what it looks like.
+            # An object that hid it for so long may still cover or light it: use the shape of its partner.
             disc = shaped_as(disc, partner.look.disc)
         area = np.pi * max(candidate.radius_px**2, 0.8 * disc.radius_px**2)
         follower = Follower(Appearance(color, area, disc), self.settings.exposure)
