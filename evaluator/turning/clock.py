@@ -1,11 +1,12 @@
 """Delay between the command log of a run and its motion, estimated from the changes of command.
 
-Around a change of command the robot has one steady velocity before and another after it; where the first begins to
-change is the moment of the change in the time of the recording. Near every change the pose is fitted with a constant
-velocity (forward, sideways, yaw) on either side. From one to the other it goes at once, or steadily within a rise time
-(a heavy robot that slides, a drive that limits acceleration) where that fits better by more than chance. Delay and rise
-time are common to all changes, and those of the least misfit. The delay includes the dead time of the motors, which a
-recording cannot distinguish from an offset of the clocks, and half of a rise that is too short to show.
+A robot has one steady velocity (forward, sideways, yaw) before a change of command and another one after it. Near every
+change this motion is fitted to the poses: the velocity changes either suddenly, or steadily within a rise time (a heavy
+robot that slides, a drive that limits acceleration) if that fits significantly better. The estimated delay is the time
+from the command to the beginning of the change; delay and rise time are common to all changes.
+
+The delay includes the dead time of the motors, which a recording cannot distinguish from an offset of the clocks, and
+half of a rise time that is too short to be detected.
 """
 
 from __future__ import annotations
@@ -21,26 +22,27 @@ from scipy.optimize import minimize_scalar
 Array = NDArray[np.float64]
 NAN = float("nan")
 
-COARSE_S, FINE_S = 3.0, 1.0  # of motion on either side of a change: enough to find it, short enough to be steady
-MOST_LATE_S = 2.0  # larger differences of the clocks are to be corrected by start_s
+COARSE_S = 3.0  # motion on either side of a change with which the delay is searched
+FINE_S = 1.0  # motion on either side of a change with which it is estimated: short enough for a steady velocity
+MOST_LATE_S = 2.0  # larger offsets of the clocks are to be corrected by start_s
 FEWEST_FRAMES = 6  # on either side of a change
 CHI2_95 = 3.841  # one parameter
-# A rise time is believed where -2 log likelihood loses this: once in a thousand by chance. Where it is not, the delay
-# is as sharp as changes at once make it.
+# Least gain in -2 log likelihood of a rise time: chance reaches it once in a thousand. Without a rise time, the delay
+# is as precise as sudden changes allow.
 WORTH = 10.8
-# Rise times tried, s, before the best is sought between its neighbours: of shorter ones none shows between usual
-# frames, after longer ones no velocity is steady within FINE_S.
+# Rise times that are tried, s. Shorter ones are not visible at usual frame rates; after longer ones no velocity is
+# steady within FINE_S.
 RISES_S = np.geomspace(0.02, 1.0, 8)
-ROUGH = 1e-3  # of delays (s) and logarithms of rise times that only lead on, or end far beyond in an interval
-STEPS = 8  # between frames, of the path along a velocity that changes
-UNSEEN = 1e30  # misfit where no change has enough frames on either side: more than any that has
+ROUGH = 1e-3  # tolerance of intermediate delays (s) and logarithms of rise times
+STEPS = 8  # integration steps per frame along a path with changing velocity
+Windows = list[tuple[float, NDArray[np.bool_]]]  # times of changes in the log, and the frames (n,) around each
 
 
 @dataclass(frozen=True)
 class CommandDelay:
-    """Delay of the motion after the command, s, with its 95 % interval; NaN if no change is visible.
+    """Delay of the motion after the command, s, with its 95 % interval; NaN if no change can be used.
 
-    rise_s: time within which the velocity then follows, 0 where it follows at once.
+    rise_s: time within which the velocity then changes; 0 if it changes suddenly.
     """
 
     value_s: float = NAN
@@ -55,7 +57,7 @@ class CommandDelay:
 
     @property
     def settled_s(self) -> float:
-        """How long after its command, at most, a change has come about."""
+        """Longest time after a command at which the velocity still changes."""
         return self.high_s + self.rise_s
 
 
@@ -63,39 +65,51 @@ def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Com
     """Estimate the delay of the motion after the command log.
 
     time_s: (n,). pose: (n, 3) x, y in mm and heading in rad, unwrapped, without NaN. changes_s: times of the log at
-    which the command changes, in order.
+    which the command changes, in order. A change too close to another one, or to an end of the recording, is not used.
+    """
+    step = float(np.median(np.diff(time_s))) / 2
+    windows, room = _windows(time_s, changes_s, 2 * step * FEWEST_FRAMES)
+    if not (room > 0).any():
+        return CommandDelay()
+    # Misfits are comparable only if they are of the same frames: the search extends as far as half of the changes
+    # allow, and uses these.
+    most = min(MOST_LATE_S, float(np.median(room[room > 0])))
+    grid = np.arange(-most, most, step)
+    roomy = [window for window, most_late in zip(windows, room, strict=True) if most_late >= most]
+    coarse = float(min(grid, key=lambda late: _misfit(time_s, pose, roomy, float(late))[0]))
+    near = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
+    fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
+    return _refined(time_s, pose, fine, coarse, step) if fine else CommandDelay()
+
+
+def _windows(time_s: Array, changes_s: Sequence[float], margin_s: float) -> tuple[Windows, Array]:
+    """Frames around every change, and the largest delay that they can show if a margin is left on either side, s.
+
+    The frames between two changes are divided in the middle. Changes with too few frames on one side, also by a gap in
+    the recording, are left out.
     """
     seen = [change for change in changes_s if time_s[0] < change < time_s[-1]]
-    if not seen:
-        return CommandDelay()
     edges = [float(time_s[0]), *seen, float(time_s[-1])]
-    most = min(MOST_LATE_S, min(after - before for before, after in pairwise(edges)) / 2)
-    windows = [
-        (
-            change,
-            _between(
-                time_s, max((before + change) / 2, change - COARSE_S), min((change + after) / 2, change + COARSE_S)
-            ),
-        )
-        for before, change, after in zip(edges, seen, edges[2:], strict=False)
-    ]
-    grid = np.arange(-most, most, float(np.median(np.diff(time_s))) / 2)
-    if not len(grid):
-        return CommandDelay()
-    coarse = min(grid, key=lambda late: _misfit(time_s, pose, windows, float(late))[0])
-    windows = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
-    if _misfit(time_s, pose, windows, float(coarse))[0] == UNSEEN:
-        return CommandDelay()  # no change has enough frames on either side
-    return _refined(time_s, pose, windows, float(coarse), float(grid[1] - grid[0]))
+    halves = [(after - before) / 2 for before, after in pairwise(edges)]
+    windows, room = [], []
+    for change, before, after in zip(seen, halves[:-1], halves[1:], strict=True):
+        frames = _between(time_s, change - min(before, COARSE_S), change + min(after, COARSE_S))
+        if _fewest(time_s[frames] - change) >= FEWEST_FRAMES:
+            windows.append((change, frames))
+            room.append(min(before, after) - margin_s)
+    return windows, np.array(room)
+
+
+def _fewest(since: Array) -> int:
+    """Number of frames (n,) before or after time 0, whichever is smaller."""
+    return int(min((since < 0).sum(), (since > 0).sum()))
 
 
 def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
     return np.asarray((time_s >= low) & (time_s <= high))
 
 
-def _refined(
-    time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], coarse: float, step: float
-) -> CommandDelay:
+def _refined(time_s: Array, pose: Array, windows: Windows, coarse: float, step: float) -> CommandDelay:
     """The delay of smallest misfit near a coarse one, and its 95 % limits, by the growth of the misfit."""
 
     def misfit(late: float, rise: float = 0.0) -> float:
@@ -106,7 +120,7 @@ def _refined(
         low, high = (best + way * _reach(of, best, way, limit, step) for way in (-1, 1))
         return CommandDelay(best, low, high, rise)
 
-    def begun(rise: float) -> tuple[float, float]:  # earlier than one at once, by half the time
+    def begun(rise: float) -> tuple[float, float]:  # earlier than a sudden change that fits, by half the rise time
         return _least(lambda late: misfit(late, rise), coarse - rise / 2, rise / 2, ROUGH)
 
     best, least = _least(misfit, coarse, 2 * step)
@@ -119,7 +133,7 @@ def _refined(
         return ended(misfit, best, least)
     width = float(np.log(RISES_S[1] / RISES_S[0]))
 
-    def took(late: float) -> tuple[float, float]:  # of one moment or another: both move together
+    def took(late: float) -> tuple[float, float]:  # best rise time for a delay: the two are correlated
         return _least(lambda size: misfit(late, float(np.exp(size))), float(np.log(rise)), width, ROUGH)
 
     best, least = _least(lambda late: took(late)[1], late, rise / 4, ROUGH)
@@ -127,15 +141,13 @@ def _refined(
 
 
 def _least(of: Callable[[float], float], middle: float, width: float, to: float = 1e-6) -> tuple[float, float]:
-    """Where a function is least near a place, found to so little, and its value there."""
+    """Argument within a width of a middle at which a function is least, to a tolerance, and its value there."""
     found = minimize_scalar(of, bounds=(middle - width, middle + width), method="bounded", options={"xatol": to})
     return float(found.x), float(found.fun)
 
 
-def _independent(
-    time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], late: float, rise: float
-) -> float:
-    """Degrees of freedom; noise that is alike from frame to frame leaves fewer."""
+def _independent(time_s: Array, pose: Array, windows: Windows, late: float, rise: float) -> float:
+    """Degrees of freedom, reduced by the correlation of the noise between successive frames."""
     _, freedom, correlation = _misfit(time_s, pose, windows, late, rise)
     return freedom * (1 - correlation) / (1 + correlation)
 
@@ -151,9 +163,7 @@ def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float
     return outer
 
 
-def _misfit(
-    time_s: Array, pose: Array, windows: list[tuple[float, NDArray[np.bool_]]], late: float, rise: float = 0.0
-) -> tuple[float, int, float]:
+def _misfit(time_s: Array, pose: Array, windows: Windows, late: float, rise: float = 0.0) -> tuple[float, int, float]:
     """Misfit over all changes, its degrees of freedom, and the correlation of residuals between successive frames.
 
     The noise of positions and headings is estimated from their residuals: the misfit is the product of their sums of
@@ -163,25 +173,21 @@ def _misfit(
     products, squares = 0.0, 0.0
     for change, frames in windows:
         since = time_s[frames] - change - late
-        if min((since < 0).sum(), (since > 0).sum()) < FEWEST_FRAMES:
-            continue
         headings, places = _left_over(since, pose[frames], rise)
         turn, place = turn + float(headings @ headings), place + float((places**2).sum())
         counts[0], counts[1] = counts[0] + len(since) - 3, counts[1] + 2 * len(since) - 6
         products += float((places[1:] * places[:-1]).sum())
         squares += float((places**2).sum())
     freedom = sum(counts)
-    if freedom <= 0:
-        return UNSEEN, 0, 0.0
     tiny = 1e-300
     total = np.exp((counts[0] * np.log(turn + tiny) + counts[1] * np.log(place + tiny)) / freedom)
     return float(total), freedom, float(np.clip(products / max(squares, tiny), 0.0, 0.95))
 
 
 def _left_over(since: Array, pose: Array, rise: float = 0.0) -> tuple[Array, Array]:
-    """What a velocity that goes from one to another leaves of headings (m,), rad, and places (m, 2), mm.
+    """Residuals of headings (m,), rad, and positions (m, 2), mm, after a fit of a motion with one change of velocity.
 
-    since: (m,) from the moment at which it begins to change, s. rise: time that the change takes.
+    since: (m,) time since the beginning of the change, s. rise: duration of the change, s.
     """
     before, after = _ways(since, rise)
     design = np.column_stack([np.ones_like(since), before, after])
@@ -196,17 +202,17 @@ def _left_over(since: Array, pose: Array, rise: float = 0.0) -> tuple[Array, Arr
 
 
 def _ways(since: Array, rise: float) -> tuple[Array, Array]:
-    """Ways (m,) of unit velocity before a change and after it, from its beginning on."""
+    """Path lengths (m,) at unit velocity by the velocities before and after a change, measured from its beginning."""
     before, after = np.minimum(since, 0), np.maximum(since, 0)
     if rise == 0:
         return before, after
     rising = np.minimum(after, rise)
-    still = rising - rising**2 / (2 * rise)  # that the velocity before still goes, and the one after does not yet
+    still = rising - rising**2 / (2 * rise)  # share of the former velocity during the change, integrated
     return before + still, after - still
 
 
 def _arcs(since: Array, rates: Array) -> list[NDArray[np.complex128]]:
-    """Paths of unit speed forward and to the left, before a sudden change and after it: arcs.
+    """Arcs driven at unit speed forward and to the left, before a sudden change and after it, x + iy.
 
     rates: (3,) heading at the change, yaw rates before and after it.
     """
@@ -220,7 +226,7 @@ def _arcs(since: Array, rates: Array) -> list[NDArray[np.complex128]]:
 
 
 def _bent(since: Array, rise: float, rates: Array) -> list[NDArray[np.complex128]]:
-    """The same paths where the velocity goes steadily from one to the other, by the trapezoidal rule."""
+    """Paths as of `_arcs` if the velocity changes steadily within a rise time, by the trapezoidal rule."""
     frames = np.interp(np.arange(STEPS * (len(since) - 1) + 1) / STEPS, np.arange(len(since)), since)
     times = np.unique(np.r_[frames, 0.0])
     before, after = _ways(times, rise)

@@ -107,14 +107,23 @@ def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:
     assert lasting.mean() > 1.15 * half.mean()
 
 
-@pytest.mark.parametrize(("frames", "known"), [(5, False), (7, True)])
-def test_a_change_needs_six_frames_on_either_side(frames: int, known: bool) -> None:
-    time = FRAME_S * np.arange(60)
-    change = (frames - 0.5) * FRAME_S
-    pose = noisy(driven(time, [change], STRAIGHT, TURN), 3)
-    # Half the time before the change is the most that a run may be late.
-    late = command_delay(time, pose, [change])
-    assert np.isfinite(late.value_s) == known
+@pytest.mark.parametrize("frames", [11, 14])
+def test_a_change_needs_six_frames_in_half_of_its_distance_to_the_beginning(frames: int) -> None:
+    time, changes = FRAME_S * np.arange(60), [(frames - 0.5) * FRAME_S]
+    late = command_delay(time, noisy(driven(time, changes, STRAIGHT, TURN), 3), changes)
+    assert late.value_s == pytest.approx(0.0, abs=0.02) if frames > 12 else np.isnan(late.value_s)
+
+
+@pytest.mark.parametrize(("changes", "late"), [([2.5, 6.0, 8.7], 0.25), ([0.2, 6.0], 0.5), ([0.2, 6.0], 0.0)])
+def test_a_change_just_before_an_end_of_the_recording_does_not_move_the_delay(
+    changes: list[float], late: float
+) -> None:
+    """At some delays it has too few frames; misfits with and without them are not comparable."""
+    time, twists = np.arange(0, 9, FRAME_S), [(0.0, 0.0, 0.0), TURN, BACK, STRAIGHT]
+    pose = driven(time, [change + late for change in changes], *twists[: len(changes) + 1])
+    found = command_delay(time, noisy(pose, 1), changes)
+    assert found.value_s == pytest.approx(late, abs=0.01)
+    assert found.low_s < late < found.high_s
 
 
 def test_nothing_is_known_without_a_change_in_the_recording_and_little_of_a_wide_interval() -> None:
