@@ -1,7 +1,7 @@
-"""Measured against simulated: the same command from the same start pose, read by the same estimator.
+"""Measured against simulated runs: the same command from the same start pose, evaluated by the same estimator.
 
-Everything in the plate frame, mm and rad. The simulated run starts at rest at the measured start pose and is seen
-through simulated marks, so that biases of the estimator affect both alike.
+Everything in the plate frame, mm and rad. The simulated run starts at rest at the measured start pose and is observed
+through simulated marks, so that biases of the estimator affect both equally.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from simulator.simulation import moving_state, simulate
 Array = NDArray[np.float64]
 
 LEAST_POSES = 4
-START_SPAN_S = 0.25  # the start pose is read from this much of the recording: 15 frames at 60/s halve their noise twice
+START_SPAN_S = 0.25  # recording that determines the start pose: 15 frames at 60/s reduce the noise to a quarter
 
-STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; over 100 mm of plate this circle departs by 1 nm
+STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; this circle deviates by 1 nm over 100 mm of plate
 
 
-# Columns of turning.csv that are set beside their simulated counterparts as they are.
+# Columns of turning.csv that are compared with their simulated counterparts.
 BESIDE = (
     "speed_mm_s",
     "yaw_rate_deg_s",
@@ -47,9 +47,9 @@ BESIDE = (
 def simulated_poses(robot: Robot, run_command: RunCommand, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
     """Motion of a run simulated from its measured start pose, and its poses as they would be measured.
 
-    A robot with errors of the observation (marks elsewhere, millimetres or seconds off by a factor) rests where its
-    marks, seen with these errors, lie on the measured ones; its motors start when a clock off by a factor says so. One
-    that does not start at rest has at the first pose the velocity that its command has given it by then.
+    A robot with errors of observation (marks elsewhere, millimetres or seconds off by a factor) starts at the pose in
+    which its marks, observed with these errors, coincide with the measured ones, and at the start time of its erroneous
+    clock. A run that does not start at rest has at the first pose the velocity that its command has produced by then.
     """
     view, geometry = view_of(robot), mark_geometry(robot)
     factor = view.time_factor
@@ -79,9 +79,9 @@ def resting_pose(
 def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[float, float, float]:
     """Pose (x mm, y mm, heading rad) in which the run starts.
 
-    From the frames at rest before start_s, their mean; in a recording without such frames, from the first frames,
-    through which heading is drawn as a line and position as a parabola in time (a steady turn to second order). A run
-    that does not start at_rest has no frames at rest.
+    The mean of the frames at rest before start_s. Without such frames, the start of a line through the headings of the
+    first frames, and of parabolas through their positions (exact for a steady turn to second order). A run that does
+    not start at_rest has no frames at rest.
     """
     known = np.isfinite(poses.heading_rad)
     time = poses.time_s
@@ -91,7 +91,7 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
     else:
         first = time[known][0]
         chosen = known & (time <= first + START_SPAN_S)
-        if np.count_nonzero(chosen) < LEAST_POSES:  # of a slow sensor, as many as a parabola with some freedom needs
+        if np.count_nonzero(chosen) < LEAST_POSES:  # for a slow sensor, enough for a parabola with some redundancy
             chosen = known & (np.cumsum(known) <= LEAST_POSES)
         few = np.count_nonzero(chosen) < LEAST_POSES
         powers = (0, 0, 0) if few else (2, 2, 1)
@@ -108,7 +108,7 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
 def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Turning) -> dict[str, Any]:
     """One row of comparison.csv from the row of turning.csv and the measured poses.
 
-    seen: the poses simulated at the same times; read: what the estimator reads in them.
+    seen: poses simulated at the same times; read: results of the estimator for these.
     """
     simulated = read.to_row()
     if abs(read.curvature_per_mm) * STRAIGHT_MM < 1:

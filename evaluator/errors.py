@@ -6,4 +6,4 @@ class InputError(ValueError):
 
 
 class UnwritableError(InputError):
-    """A result cannot be written; no recording is to blame, and what was written before is whole."""
+    """A result cannot be written; no recording is at fault, and earlier files are complete."""

@@ -17,28 +17,28 @@ from evaluator.marks import columns_of, mark_names
 Array = NDArray[np.float64]
 Place = tuple[float, float]
 
-# Marks CSV carry six decimals of a millimetre: the rounding error of one coordinate, the least sigma a file can have.
+# Marks CSV have six decimals of a millimetre: rounding error of one coordinate, the smallest sigma of a file.
 ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
-# Marks nearer than this, the rounding of four coordinates, are one place: no heading.
+# Marks nearer than this, the rounding error of four coordinates, are at one position: no heading.
 ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 UNNAMED = "mark "
-CORNER = "_corner"  # stands in the names of corners of tags
+CORNER = "_corner"  # part of the names of corners of tags
 
 
 @dataclass(frozen=True, init=False, eq=True)
 class MarkGeometry:
-    """Where the marks sit on the robot: body frame, mm; height_mm above the plate (needed with a camera only).
+    """Positions of the marks on the robot: body frame, mm; height_mm above the plate (needed with a camera only).
 
     MarkGeometry({"front": (2, 0), "rear": (-2, 0)}, height_mm=6.5); with keywords as in [marks] of robot.toml,
-    MarkGeometry(front_mm=(2, 0), rear_mm=(-2, 0)); or places alone, MarkGeometry((2, 0), (-2, 0)), which belong to the
-    marks of a table in its order.
+    MarkGeometry(front_mm=(2, 0), rear_mm=(-2, 0)); or positions alone, MarkGeometry((2, 0), (-2, 0)), for the marks of
+    a table in its order.
     """
 
     places_mm: Mapping[str, Place]
     height_mm: float | None = None
 
     def __init__(self, *places: Mapping[str, Place] | Place | float, **named: Place | float | None) -> None:
-        """Refuse marks that coincide (they carry no heading), and a robot without any. Raises InputError."""
+        """Refuse marks at one position (they determine no heading), and a robot without any. Raises InputError."""
         found: dict[str, Place] = {}
         height: Any = named.pop("height_mm", None)
         for item in places:
@@ -60,7 +60,7 @@ class MarkGeometry:
         object.__setattr__(self, "height_mm", height)
 
     def __getattr__(self, name: str) -> Place:
-        """Places by the keys of [marks], NAME_mm."""
+        """Positions by the keys of [marks], NAME_mm."""
         places = self.__dict__.get("places_mm", {})
         if name.removesuffix("_mm") in places and name.endswith("_mm"):
             return _place(places[name.removesuffix("_mm")])
@@ -72,11 +72,11 @@ class MarkGeometry:
         return tuple(self.places_mm)
 
     def shown(self) -> dict[str, Place]:
-        """Places of the marks without the corners of tags."""
+        """Positions of the marks without the corners of tags."""
         return {name: place for name, place in self.places_mm.items() if CORNER not in name}
 
     def places(self) -> Array:
-        """Places (m, 2)."""
+        """Positions (m, 2)."""
         return np.array(list(self.places_mm.values()), dtype=float)
 
     def farthest_pair(self) -> tuple[str, str]:
@@ -85,7 +85,7 @@ class MarkGeometry:
 
     @property
     def spacing_mm(self) -> float:
-        """Largest distance between two marks; NaN of a single one."""
+        """Largest distance between two marks; NaN for a single one."""
         return self._apart(*self.farthest_pair()) if len(self.places_mm) > 1 else float("nan")
 
     def only(self, names: Iterable[str]) -> MarkGeometry:
@@ -94,7 +94,7 @@ class MarkGeometry:
         return MarkGeometry({n: p for n, p in self.places_mm.items() if n in chosen}, height_mm=self.height_mm)
 
     def seen_in(self, table: pd.DataFrame) -> MarkGeometry:
-        """The marks that a table holds; all of them where it holds too few for a pose. Places get their names."""
+        """The marks that a table contains, all if it has too few for a pose. Unnamed positions get their names."""
         if all(name.startswith(UNNAMED) for name in self.places_mm):
             names = mark_names(table)[: len(self.places_mm)]
             if len(names) < len(self.places_mm):

@@ -1,7 +1,7 @@
 """marks CSV: marks on the plane of the marks, plate frame, mm, over presentation time.
 
-A marks table is a pandas DataFrame with time_s and NAME_x_mm, NAME_y_mm for every mark; what turnscope's tracker writes
-has more: frame, NAME_x_sigma_mm …, NAME_status. A missing mark is NaN in the table and an empty cell in the file.
+A marks table is a pandas DataFrame with time_s and NAME_x_mm, NAME_y_mm for every mark; those of turnscope's tracker
+also have frame, NAME_x_sigma_mm …, NAME_status. A missing mark is NaN in the table and an empty cell in the file.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from numpy.typing import NDArray
 from evaluator.errors import InputError
 from evaluator.files.csv_tables import csv_dialect, write_table
 
-# Whatever lies beyond is no measurement: a thousand kilometres, and thirty thousand years of seconds (a clock that
-# counts nanoseconds since 1970 is beyond it too). Squares of lengths within stay far from the limits of a float.
+# Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
+# nanoseconds since 1970 is beyond it, too). Squares of smaller lengths stay far from the limits of a float.
 LARGEST_MM = 1e9
 LATEST_S = 1e12
-NUMBERS = ("_mm", "_mm2", "_px")  # how the names of columns of numbers end
+NUMBERS = ("_mm", "_mm2", "_px")  # suffixes of columns of numbers
 
 
 def columns_of(names: Iterable[str], unit: str = "mm") -> list[str]:
-    """Columns of the places of some marks."""
+    """Columns of the positions of some marks."""
     return [f"{name}_{axis}_{unit}" for name in names for axis in "xy"]
 
 
 def mark_names(table: pd.DataFrame, unit: str = "mm") -> tuple[str, ...]:
-    """Marks that a table holds, in its order."""
+    """Marks of a table, in its order."""
     names = [str(name).removesuffix(f"_x_{unit}") for name in table if str(name).endswith(f"_x_{unit}")]
     return tuple(name for name in names if f"{name}_y_{unit}" in table)
 
 
 def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> NDArray[np.float64]:
-    """Places (n, m, 2) of some marks; NaN where a mark is missing."""
+    """Positions (n, m, 2) of some marks; NaN if a mark is missing."""
     return np.stack([table[columns_of([name], unit)].to_numpy(float) for name in names], axis=1)
 
 
 def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
     """Read a marks CSV. Raises InputError for a file that is not one.
 
-    names: marks that have to be there, in mm, of three and more two of them; without, time_s and nothing else.
+    names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required.
     """
     try:
         table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
@@ -87,7 +87,7 @@ def _described(marks: Iterable[str]) -> str:
 
 
 def check_marks(table: pd.DataFrame, path: Path) -> None:
-    """Refuse a table whose times do not increase or whose lengths are none. Raises InputError that names the line."""
+    """Refuse a table with times that do not increase, or impossible lengths. Raises InputError that names the line."""
     time = table["time_s"].to_numpy(float)
     if len(time) < 2:
         raise InputError(f"{path}: {len(time)} rows; time_s must hold at least two values and increase from row to row")
@@ -110,5 +110,5 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
 
 
 def write_marks(table: pd.DataFrame, path: Path) -> None:
-    """Write a marks table as CSV, whole or not at all; missing marks become empty cells."""
+    """Write a marks table as CSV, completely or not at all; missing marks become empty cells."""
     write_table(table, path)

@@ -1,8 +1,8 @@
 """Pose of the robot from its marks: centre and heading with covariance, on the plane of the marks.
 
-Plate frame, mm; heading counter-clockwise from +x and unwrapped. The distances between the marks are rigid: they check
-each frame (a mark whose distances stand out is left out, and with it a frame of which no two marks remain) and the
-scale of the whole recording. One mark alone has a path, but no heading.
+Plate frame, mm; heading counter-clockwise from +x and unwrapped. The distances between the marks are constant. They are
+used to check each frame (a mark with a deviating distance is left out, and the frame too if fewer than two marks
+remain) and the scale of the whole recording. A single mark has a path, but no heading.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_ja
 Array = NDArray[np.float64]
 
 OK = "ok"
-CORNER = "_corner1"  # after the name of a tag: its first corner
-# A rigid distance that stands out by more than this many robust standard deviations is no Gaussian accident: one frame
-# in 5e8 would. Correlation between frames does not change that share.
+CORNER = "_corner1"  # suffix of the first corner of a tag
+# Deviation of a distance, in robust standard deviations, beyond which it is an outlier: Gaussian noise exceeds it in
+# one frame of 5e8, with or without correlation between frames.
 SPACING_LIMIT_SIGMA = 6.0
-NEIGHBOURS = 31  # frames whose common heading tells that one of them, or up to fifteen, is turned about
+NEIGHBOURS = 31  # frames whose common heading shows that one of them, or up to fifteen, is reversed
 NO_HEADING = "no heading: a single mark has a position only"
 
 
@@ -36,11 +36,11 @@ NO_HEADING = "no heading: a single mark has a position only"
 class Poses:
     """Poses of the robot's centre over time, plate frame; NaN where a frame has none, with the reason in `status`.
 
-    time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), what is random from frame to frame.
+    time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), random from frame to frame.
     systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
-    frames: of the camera, and of the marks' centres where they come from images; None without a camera. spacing_mm:
-    (n,) measured distance of the two marks that are farthest apart. Of a robot with a single mark x_mm and y_mm are
-    the places of that mark and no frame has a heading.
+    frames: of the camera, and of the marks' centres if they come from images; None without a camera. spacing_mm: (n,)
+    measured distance of the two marks that are farthest apart. For a robot with a single mark, x_mm and y_mm are the
+    positions of this mark, and there is no heading.
     """
 
     time_s: Array
@@ -70,7 +70,8 @@ class Poses:
     def spacing_ratio(self) -> tuple[float, float]:
         """Measured over nominal distance of the marks and its standard error: the running check of scale.
 
-        NaN, NaN without geometry. The error is that of the middle half of the frames taken as independent: a floor.
+        NaN, NaN without geometry. The error is computed from the middle half of the frames as if independent: a lower
+        bound.
         """
         spacing = self.spacing_mm[self.measured] if len(self.spacing_mm) == len(self.time_s) else np.empty(0)
         spacing = spacing[np.isfinite(spacing)]
@@ -78,18 +79,18 @@ class Poses:
             return float("nan"), float("nan")
         scatter = robust_sigma(spacing)
         nominal = self.geometry.spacing_mm
-        # 1.2533: the median of Gaussian values scatters sqrt(pi/2) times as much as their mean.
+        # 1.2533: the standard error of a median of Gaussian values is sqrt(pi/2) times that of their mean.
         return float(np.median(spacing) / nominal), float(1.2533 * scatter / np.sqrt(len(spacing)) / nominal)
 
 
 def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera | None = None) -> Poses:
     """Reconstruct centre and heading from a marks table (evaluator.marks), frame by frame.
 
-    Weighted least squares of a rigid body; of three and more marks two must be seen. Uncertainties come from the sigma
-    columns (NAME_x_sigma_mm, …, NAME_xy_cov_mm2) or, where the table has none, from the scatter of the rigid distance
-    itself. A frame with fewer than two marks is NaN with the reason of one that is missing.
-    With a camera the poses also carry what its uncertainty does to them (needs geometry.height_mm).
-    Raises InputError for a table whose marks are not placed on the plate.
+    Weighted least squares of a rigid body; if it has three or more marks, two must be visible. Uncertainties come from
+    the sigma columns (NAME_x_sigma_mm, …, NAME_xy_cov_mm2) or, without these, from the scatter of the rigid distance. A
+    frame with fewer than two marks is NaN, with the reason for one of the missing marks. With a camera, the poses
+    include its uncertainty (needs geometry.height_mm). Raises InputError for a table whose marks are not placed on the
+    plate.
     """
     geometry = geometry.seen_in(marks)
     names = geometry.names
@@ -115,7 +116,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     systematic = None
     if camera is not None:
         if geometry.height_mm is None:
-            raise InputError("marks: their height above the plate carries the camera's uncertainty; say height_mm")
+            raise InputError("marks: a camera needs their height above the plate; say height_mm")
         by_name = {name: points[:, k] for k, name in enumerate(names)}
         systematic = systematic_shifts(marks, by_name, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
     return Poses(
@@ -132,7 +133,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
 
 
 def _path_of_one(marks: pd.DataFrame, time: Array, points: Array, geometry: MarkGeometry) -> Poses:
-    """Places of the only mark, without a heading."""
+    """Poses from the positions of the only mark, without a heading."""
     covariance = np.full((len(time), 3, 3), np.nan)
     covariance[:, :2, :2] = _mark_covariances(marks, geometry.names, np.empty(0))[:, 0]
     status = _status(marks, geometry.names, points)
@@ -169,7 +170,7 @@ def _spacing(points: Array, geometry: MarkGeometry) -> Array:
 
 
 def _status(marks: pd.DataFrame, names: Sequence[str], points: Array) -> NDArray[np.object_]:
-    """OK where enough marks are seen, else why the first of those that are missing is absent."""
+    """OK if enough marks are visible, else the reason for the first missing one."""
     status = np.full(len(marks), OK, dtype=object)
     seen: NDArray[np.bool_] = np.isfinite(points).all(axis=2)  # type: ignore[assignment]
     few: NDArray[np.bool_] = np.asarray(seen.sum(axis=1) < min(2, len(names)))
@@ -181,7 +182,7 @@ def _status(marks: pd.DataFrame, names: Sequence[str], points: Array) -> NDArray
 
 
 def _take_out_odd(status: NDArray[np.object_], points: Array) -> None:
-    """Take out marks whose distances stand out, and say why of frames that keep no two of them; in place."""
+    """Remove marks with deviating distances, and set the reason of frames without two remaining marks; in place."""
     low, high = np.nanmin(points, axis=1, initial=np.inf), np.nanmax(points, axis=1, initial=-np.inf)
     extent = np.asarray(np.hypot(*(high - low).T))
     all_of = "both" if points.shape[1] == 2 else "the"
@@ -196,7 +197,7 @@ def _take_out_odd(status: NDArray[np.object_], points: Array) -> None:
 
 
 def _heading_jumps(time: Array, heading: Array) -> NDArray[np.bool_]:
-    """Frames whose heading points away from that of their neighbours: no robot turns about for a few frames."""
+    """Frames whose heading is opposite to that of their neighbours: no robot reverses for a few frames."""
     there = np.flatnonzero(np.isfinite(heading))
     result = np.zeros(len(heading), dtype=bool)
     if len(there) < NEIGHBOURS:
@@ -210,10 +211,10 @@ def _heading_jumps(time: Array, heading: Array) -> NDArray[np.bool_]:
 
 
 def _mark_covariances(marks: pd.DataFrame, names: Sequence[str], spacing: Array) -> Array:
-    """Covariance of every mark, (n, m, 2, 2), mm²; spacing: distances of two of them in the frames that have a pose."""
+    """Covariance of every mark, (n, m, 2, 2), mm²; spacing: distances of two of them in the frames with a pose."""
     result = np.zeros((len(marks), len(names), 2, 2))
     scatter = robust_sigma(spacing) if len(spacing) >= 3 else 0.0
-    unknown = max(scatter / np.sqrt(2), ROUNDING_SIGMA_MM)  # the distance holds one coordinate of each mark
+    unknown = max(scatter / np.sqrt(2), ROUNDING_SIGMA_MM)  # the distance includes one coordinate of each mark
     for index, name in enumerate(names):
         for axis, letter in enumerate("xy"):
             column = f"{name}_{letter}_sigma_mm"
@@ -230,12 +231,12 @@ def _mark_covariances(marks: pd.DataFrame, names: Sequence[str], spacing: Array)
 
 
 def _weights(names: Sequence[str], covariances: Array, points: Array, good: NDArray[np.bool_]) -> Array:
-    """Weight of every mark in the pose: one for the run, lest a wrong spacing make the centre jump."""
+    """Weight of every mark in the pose: constant in a run, since otherwise a wrong spacing would move the centre."""
     traces = np.trace(covariances, axis1=2, axis2=3)
     seen = np.isfinite(points).all(axis=2) & good[:, None]
     scatter = np.array([np.median(traces[rows, k]) if rows.any() else np.inf for k, rows in enumerate(seen.T)])
     if not np.isfinite(scatter).any():
         return np.full(len(scatter), 1 / len(scatter))
-    # The centre of a tag is that of its corners: it tells nothing beside them.
+    # The centre of a tag is that of its corners, and adds no information.
     weights = np.where([f"{name}{CORNER}" in names for name in names], 0.0, 1 / scatter)
     return np.asarray(weights / weights.sum())

@@ -14,18 +14,17 @@ from evaluator.marks import columns_of
 
 Array = NDArray[np.float64]
 
-SUPPORTS = 120  # points where the camera's sensitivity is computed; a lens is smooth, and a cubic joins them to 1e-3
-# What of a mark's centre error stays the same in all frames, fixed to the body, so that no averaging removes it: a
-# share of the single-frame error (H.264 keeps its mistakes from frame to frame) and a floor in px. Measured over 100
+SUPPORTS = 120  # points at which the camera's sensitivity is computed; a cubic through them errs by 1e-3
+# Part of a mark's centre error that is the same in all frames, fixed to the body, so that averaging does not reduce it:
+# a share of the single-frame error (H.264 keeps its errors from frame to frame) and a floor in px. Measured over 100
 # rendered rigs (tests/benchmarks/turning_video.py): with H.264 the mean error of a mark over 138 frames is 0.0075 px
-# RMS at 0.042 px a frame; less what noise leaves in such a mean (white: 0.0040 px, correlated by 0.4: 0.0061 px) it
-# is 0.10 to 0.15 of the single-frame error; 0.0016 px without loss.
+# RMS at 0.042 px a frame. After subtraction of the noise in such a mean (white: 0.0040 px, correlated by 0.4: 0.0061
+# px) it is 0.10 to 0.15 of the single-frame error; it is 0.0016 px without compression.
 COMMON_SHARE = 0.12
 COMMON_PX = 0.0015
-# The same fixed to the image, measured over 29 rendered H.264 clips of robots that turn at 1 to 3 mm/s for 3 to 9
-# s: less what noise leaves in it the mean error of a mark is 0.20 of the single-frame error. Where the robot turned
-# by more than 0.6 turns, which tells the two apart, it is 0.18 in the image and 0.14 on the body, each with some of
-# the other.
+# The same part fixed to the image, measured over 29 rendered H.264 clips of robots that turn at 1 to 3 mm/s for 3 to 9
+# s: after subtraction of the noise, the mean error of a mark is 0.20 of the single-frame error. In clips with more than
+# 0.6 turns, which separate the two parts, it is 0.18 in the image and 0.14 on the body, each with some of the other.
 IMAGE_SHARE = 0.17
 
 
@@ -40,9 +39,9 @@ def systematic_shifts(
 ) -> Array:
     """Shifts (n, 3, k) of the poses by one standard deviation of each of k independent errors common to all frames.
 
-    points_mm: of every mark, (n, 2) each. jacobian: (n, m, 3, 2), derivative of the pose by each mark, 0 by one that
-    is not seen. covariances: (n, m, 2, 2) of the marks, mm². Marks without image columns have errors of the camera
-    alone.
+    points_mm: of every mark, (n, 2) each. jacobian: (n, m, 3, 2), derivative of the pose by each mark, 0 for marks that
+    are not visible. covariances: (n, m, 2, 2) of the marks, mm². Marks without image columns have errors of the camera
+    only.
     """
     by_camera = np.nan_to_num(camera_shifts(marks, points_mm, height_mm, camera))
     count = len(points_mm)
@@ -75,7 +74,7 @@ def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: f
 
 
 def common_error_mm(marks: pd.DataFrame, points_mm: dict[str, Array], covariances: Array) -> float:
-    """Standard uncertainty of a mark's centre that all frames of a tracked recording share, per axis.
+    """Standard uncertainty of a mark's centre that is common to all frames of a tracked recording, per axis.
 
     covariances: (n, m, 2, 2) of the marks, mm². The scale comes from the first two marks.
     """
@@ -120,9 +119,9 @@ def _image_points(marks: pd.DataFrame, name: str, points: Array, height: float, 
 
 
 def _smoothly(function: Callable[[Array], Array], places: Array) -> Array:
-    """Values (n, …) of a costly smooth function of image points (n, 2): computed at SUPPORTS of them, then a cubic.
+    """Values (n, …) of a costly smooth function of image points (n, 2): a cubic through SUPPORTS of them.
 
-    Places without a point are NaN.
+    NaN for missing points.
     """
     there = np.flatnonzero(np.isfinite(places).all(axis=1))
     chosen = there[np.unique(np.linspace(0, len(there) - 1, min(len(there), SUPPORTS)).astype(int))]

@@ -9,20 +9,20 @@ from typing import Protocol
 class Cancelled(BaseException):
     """Raised by a Progress that wants the work to end.
 
-    Work that is cancelled leaves whole files only, and what was finished is reused when it is started again.
-    It is no Exception, like KeyboardInterrupt: whoever answers for the errors of one run must not answer for this.
+    Cancelled work leaves complete files only, and its finished parts are reused when it is started again.
+    It is not an Exception, like KeyboardInterrupt: code that handles errors of single runs must not catch it.
     """
 
 
 class Progress(Protocol):
-    """Called as work advances, in the thread that asked for the work, at least every second while it waits for others.
+    """Called as work advances, in the thread that requested it, at least every second while it waits.
 
-    stage: what is being done, in a word or two; done of total: how much of it, in any unit; total 0: not known yet.
+    stage: current work, in a word or two; done of total: finished part, in any unit; total 0: unknown.
     May raise Cancelled (or KeyboardInterrupt) to end the work.
     """
 
     def __call__(self, stage: str, done: float, total: float = 1.0, /) -> None:
-        """Take note of how far the work is."""
+        """Report the progress of a stage."""
 
 
 def no_progress(stage: str, done: float, total: float = 1.0, /) -> None:
@@ -31,7 +31,7 @@ def no_progress(stage: str, done: float, total: float = 1.0, /) -> None:
 
 
 def counting(progress: Progress, stage: str) -> Callable[[int, int], None]:
-    """A plain function of (done, total) that reports one stage, for packages that know no Progress."""
+    """A function of (done, total) that reports one stage, for packages without Progress."""
 
     def report(done: int, total: int) -> None:
         progress(stage, done, total)
@@ -40,7 +40,7 @@ def counting(progress: Progress, stage: str) -> Callable[[int, int], None]:
 
 
 def part_way(progress: Progress, stage: str, done: Callable[[], float], total: float) -> Progress:
-    """Report the work on one item of many: its share is added to the items that are done."""
+    """Report the progress of one of many items: its share is added to the finished items."""
 
     def report(item: str, share: float, of: float = 1.0, /) -> None:
         del item

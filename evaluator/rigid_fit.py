@@ -1,7 +1,7 @@
 """Rigid fit in the plane: heading and centre from observed points, and their derivatives by the points.
 
-Weighted least squares (Schönemann 1966, Psychometrika 31, 1, in the plane). Points that are not seen are NaN; two
-that are seen suffice. Plate frame, mm and rad; places in the body frame, mm.
+Weighted least squares (Schönemann 1966, Psychometrika 31, 1, in the plane). Points that are not visible are NaN; two
+visible points suffice. Plate frame, mm and rad; places are positions in the body frame, mm.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from calibration.frames import body_from_plate, plate_from_body
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 GAUSSIAN_SIGMA_PER_MAD = 1.4826
-ENOUGH = 12  # frames that show every mark: their mean place on the body is then known better than from a robot file
+ENOUGH = 12  # frames with all marks, from which their mean positions on the body are more accurate than a robot file
 
 
 def fitted_poses(points: Array, places: Array, weights: Array) -> Array:
@@ -35,9 +35,9 @@ def fitted_poses(points: Array, places: Array, weights: Array) -> Array:
 
 
 def pose_jacobian(points: Array, heading: Array, places: Array, weights: Array) -> Array:
-    """Derivative of (x, y, heading) by every point, (n, m, 3, 2); 0 for one that is not seen, NaN without a pose."""
+    """Derivative of (x, y, heading) by every point, (n, m, 3, 2); 0 for invisible points, NaN without a pose."""
     share, offset, _ = _about_mean(points, places, weights)
-    with np.errstate(invalid="ignore"):  # NaN in, NaN out: complex division alone warns of it
+    with np.errstate(invalid="ignore"):  # NaN remains NaN; only complex division warns of it
         lean = share * np.conj(_complex(offset)) / _moment(points, offset, share)[:, None]
     turn = np.stack([lean.imag, lean.real], axis=-1)  # d(heading)
     middle = _weighted(share, places)
@@ -50,10 +50,10 @@ def pose_jacobian(points: Array, heading: Array, places: Array, weights: Array) 
 
 
 def learnt_places(points: Array, places: Array, weights: Array) -> Array:
-    """Places on the body as the frames that show all points have them; those given where there are too few frames.
+    """Places on the body, measured in the frames that show all points; the given ones if there are too few frames.
 
-    Where one point of several is hidden for a while, its wrong place would move the centre. The weighted mean and the
-    direction of the places stay as given.
+    If one of several points is hidden for a while, an error of its place would move the centre. The weighted mean and
+    the direction of the places remain as given.
     """
     whole = np.isfinite(points).all(axis=(1, 2))
     if len(places) < 3 or whole.all() or whole.sum() < ENOUGH:
@@ -63,10 +63,10 @@ def learnt_places(points: Array, places: Array, weights: Array) -> Array:
 
 
 def odd_points(points: Array, limit_sigma: float, least_mm: float) -> tuple[Flags, dict[int, tuple[float, float]]]:
-    """Points (n, m) whose distances from the others stand out, and the frames that no two points of agree.
+    """Points (n, m) whose distances from the others deviate, and the frames without two consistent points.
 
-    For each such frame: the distance that stands out most, and what it is in the other frames. limit_sigma: robust
-    standard deviations of a distance; least_mm: the least of them.
+    For each such frame: the distance that deviates most, and its value in the other frames. limit_sigma: robust
+    standard deviations of a distance; least_mm: their lower bound.
     """
     count = points.shape[1]
     pairs = list(combinations(range(count), 2))
@@ -111,7 +111,7 @@ def _weighted(share: Array, places: Array) -> Array:
 
 
 def _moment(points: Array, offset: Array, share: Array) -> NDArray[np.complex128]:
-    """Sum of conj(place) · point: its angle is the heading. Places are from their mean, so points may be from any."""
+    """Sum of conj(place) · point, whose angle is the heading. Places have mean zero, so that points need not."""
     return np.asarray((share * np.conj(_complex(offset)) * _complex(np.nan_to_num(points))).sum(axis=1))
 
 

@@ -1,7 +1,7 @@
 """Geometry of a robot for measurement: its marks, and optionally its outline and wheels.
 
-Measurement never sees the model: only these few lengths pass from robot.toml to it, and a file that holds nothing but
-[marks] or [[mark]] is enough for it. Body frame, mm.
+Measurement does not use the model: it reads only these few lengths of robot.toml, and a file with only [marks] or
+[[mark]] is sufficient. Body frame, mm.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class RobotGeometry:
 
 
 def read_geometry(name_or_path: Path) -> RobotGeometry:
-    """Read the marks (and the shape, where it is whole) of a shipped robot or a robot.toml.
+    """Read the marks (and the shape, if it is complete) of a shipped robot or a robot.toml.
 
     Raises SimulationError for an unknown name, else InputError that names file, place and remedy.
     """
@@ -77,7 +77,7 @@ def _shape(said: MeasuredRobot) -> RobotShape | None:
 
 
 def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
-    """The shape of a robot with a [[wheel]] list; None where the list is not whole."""
+    """The shape of a robot with a [[wheel]] list; None if the list is incomplete."""
     try:
         wheels = [Wheel.model_validate(wheel) for wheel in said.wheel]
         length, width = _length(said.body, "length"), _length(said.body, "width")
@@ -95,12 +95,12 @@ def _shape_of_list(said: MeasuredRobot) -> RobotShape | None:
 
 
 def _rolls(wheel: Wheel) -> str:
-    """What turns a wheel, as RobotShape.driven_by says it."""
+    """Drive of a wheel in the words of RobotShape.driven_by."""
     return wheel.driven_by if wheel.grips else "caster"
 
 
 def _length(table: dict[str, Any], name: str) -> float:
-    """A positive length of a table in mm. Raises KeyError where there is none."""
+    """A positive length of a table in mm. Raises KeyError if it is missing."""
     key = f"{name}_mm"
     value = in_standard_units(table, [key])[key]
     if not (isinstance(value, (int, float)) and value > 0):
@@ -109,9 +109,9 @@ def _length(table: dict[str, Any], name: str) -> float:
 
 
 def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSettings:
-    """What a tracker is to look for: what tracking.toml says, and for what it leaves open the marks of the robot.
+    """Settings of the search for marks: those of tracking.toml, completed by the marks of the robot.
 
-    Raises InputError for a mark whose colour neither of them says.
+    Raises InputError for a mark whose colour is in neither of them.
     """
     said = said or TrackingSettings()
     of_robot = {mark.name: mark for mark in robot.layout}
@@ -131,7 +131,7 @@ def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSetti
 
 
 def mark_geometry(robot: Robot | MeasuredRobot) -> MarkGeometry:
-    """Where the marks are: body frame and height above the plate, mm. Raises InputError for different heights."""
+    """Positions of the marks: body frame and height above the plate, mm. Raises InputError for different heights."""
     _equal_heights(robot.layout, robot.name)
     return MarkGeometry(robot.points_mm, height_mm=robot.layout[0].height_mm)
 
@@ -143,7 +143,7 @@ def marks_height_mm(robot: Robot | MeasuredRobot) -> float:
 
 
 def reference_pair(robot: Robot) -> tuple[str, str] | None:
-    """The two marks (or corners of a tag) of a robot that are farthest apart; None of a robot with one mark."""
+    """The two marks (or corners of a tag) of a robot that are farthest apart; None for a robot with one mark."""
     return mark_geometry(robot).farthest_pair() if len(robot.points_mm) > 1 else None
 
 
@@ -162,7 +162,7 @@ def reference_line(robot: Robot) -> Array:
 
 
 def wheel_sides(robot: Robot, marks_mm: Array) -> tuple[Array, Array]:
-    """Middles of the left and of the right wheels on the plate, x + iy in mm, (n,) each, of marks (n, 4)."""
+    """Middles of the left and of the right wheels on the plate, x + iy in mm, (n,) each, from marks (n, 4)."""
     first, second = (complex(*place) for place in reference_places(robot))
     seen = marks_mm[:, ::2] + 1j * marks_mm[:, 1::2]
     forward = (seen[:, 0] - seen[:, 1]) / (first - second)
@@ -174,9 +174,9 @@ def wheel_sides(robot: Robot, marks_mm: Array) -> tuple[Array, Array]:
 
 
 def reference_marks(table: pd.DataFrame, robot: Robot) -> pd.DataFrame:
-    """The table of a robot's two marks; of more, time_s and the reference pair as all of them together show it.
+    """The table of a robot with two marks; for more marks, time_s and the reference pair computed from all marks.
 
-    What hides one of three marks leaves the pair whole. Raises InputError for a robot with a single mark.
+    If one of three marks is hidden, the pair is still complete. Raises InputError for a robot with a single mark.
     """
     pair = reference_pair(robot)
     if pair is None:
@@ -206,7 +206,7 @@ def _equal_heights(layout: tuple[Mark, ...], name: str) -> None:
 
 
 def robot_shape(robot: Robot | MeasuredRobot) -> RobotShape | None:
-    """Outline and wheels, body frame, mm; None where a file that is for measuring alone does not say them."""
+    """Outline and wheels, body frame, mm; None if a file for measuring alone lacks them."""
     if isinstance(robot, MeasuredRobot):
         return _shape(robot)
     return RobotShape(

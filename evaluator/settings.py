@@ -26,7 +26,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 def _names_files(value: str) -> str:
-    """Letters and digits of any script, which any file system can name files with."""
+    """Letters and digits of any script, which every file system accepts in names."""
     said = all(unicodedata.category(c)[0] in "LMN" or c in "._-" for c in value)
     if not (value and said and unicodedata.category(value[0])[0] in "LN" and value[-1] != "."):
         raise ValueError("expected letters and digits of any script, with . _ - between them (it names files)")
@@ -83,7 +83,7 @@ class Run(Table):
     def source(self) -> Path:
         """The recording: video, marks or poses."""
         found = self.video or self.marks or self.poses
-        assert found is not None  # held by the model of the file
+        assert found is not None  # validated
         return found
 
     def run_command(self) -> RunCommand:
@@ -91,19 +91,19 @@ class Run(Table):
         from evaluator.interchange.commands import constant, from_log
 
         rests, begin_s, stop_s = self.starts_at_rest, self.start_s, self.stop_s
-        if self.poses is not None:  # a clock that counts from 1970: times of a recording begin at nought
+        if self.poses is not None:  # if the clock counts from 1970: times of a recording begin at zero
             from evaluator.interchange.poses import clock_zero_s
 
             zero_s = clock_zero_s(self.poses, self.topics)
             begin_s, stop_s = begin_s - zero_s, None if stop_s is None else stop_s - zero_s
         if self.commands is not None:
             return from_log(self.commands, begin_s, starts_at_rest=rests, topics=self.topics)
-        assert self.left_rpm is not None  # held by the model of the file
+        assert self.left_rpm is not None  # validated
         assert self.right_rpm is not None
         return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)
 
     def outside(self, command: RunCommand, first_s: float, last_s: float) -> str | None:
-        """Why the motors are off throughout a recording from first_s to last_s; None where they are not."""
+        """Why the motors are off throughout a recording from first_s to last_s; None if they are on."""
         named = self.source.name
         if command.logged and not command.starts_at_rest:
             begin_s, end_s = (float(command.command.time_s[k]) for k in (0, -1))
@@ -183,8 +183,8 @@ class Experiment(Table):
 def load_experiment(path: Path) -> Experiment:
     """Read experiment.toml; paths in it are taken relative to it.
 
-    A missing recording is a fault of its run, found when the run is analysed, not of the experiment.
-    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError where tracking.toml is missing.
+    A missing recording is a fault of its run, found during its analysis, not of the experiment.
+    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError if tracking.toml is missing.
     """
     path = Path(path)
     raw = Experiment.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
@@ -251,12 +251,12 @@ class MeasuredRobot(BaseModel):
 
     @property
     def points_mm(self) -> dict[str, tuple[float, float]]:
-        """Places of all points that a tracker sees, by name: centres of marks, and corners of tags."""
+        """Positions of all points that a tracker measures, by name: centres of marks, and corners of tags."""
         return {name: place for mark in self.layout for name, place in mark.points_mm().items()}
 
 
 def load_measured(name_or_path: Path) -> MeasuredRobot:
-    """Read what measurement needs of a shipped robot by name or of any robot.toml by path.
+    """Read what measurement needs from a shipped robot by name or from any robot.toml by path.
 
     Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
@@ -264,7 +264,7 @@ def load_measured(name_or_path: Path) -> MeasuredRobot:
 
 
 def load_any_robot(name_or_path: Path) -> Robot | MeasuredRobot:
-    """Read a robot; from a file without [slip], which no simulation can do without, what measurement needs.
+    """Read a robot; if a file has no [slip], so that it cannot be simulated, only what measurement needs.
 
     Raises as `load_measured`.
     """

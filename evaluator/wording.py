@@ -8,20 +8,20 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def counted(count: int, noun: str) -> str:
-    """Give a number with its noun: "1 frame", "2 frames"."""
+    """A number with its noun: "1 frame", "2 frames"."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def verb(count: int, one: str, several: str) -> str:
-    """Give the form of a verb that agrees with a number."""
+    """The form of a verb that agrees with a number."""
     return one if count == 1 else several
 
 
 def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Give a value and its 95 % bounds with as many decimals as their distance bears, never as powers.
+    """A value and its 95 % bounds with as many decimals as the interval justifies, never with exponents.
 
-    A quarter of the distance is about the standard uncertainty: the last decimal is its first figure. Three figures
-    where there is no distance, and never more than nine: drawn paths are known to the last bit.
+    A quarter of the interval is about the standard uncertainty; the last decimal is its first digit. Three digits if
+    the interval is zero, and at most nine: drawn paths are exact to the last bit.
     """
     if not 0 < high - low < math.inf:
         return f"{value:.3g}", f"{low:.3g}", f"{high:.3g}"
@@ -32,5 +32,5 @@ def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
 
 
 def power_of_ten(exponent: float) -> str:
-    """Write a factor that is too large for digits: "10⁶⁰⁸"."""
+    """A factor with too many digits, as a power of ten: "10⁶⁰⁸"."""
     return f"10{f'{exponent:.0f}'.translate(SUPERSCRIPTS)}"

@@ -1,10 +1,10 @@
 """Where a series of uncertain values changes its level.
 
-Windows of many lengths (seeded intervals: Kovács, Bühlmann, Li and Munk 2023, doi:10.1093/biomet/asac052) are each
-split where their two sides differ most; the narrowest window with a significant split holds one change, and what is
-left and right of it is searched in the same way (Baranowski, Chen and Fryzlewicz 2019, doi:10.1111/rssb.12322).
-The sides are pooled with a scatter of their own from value to value (random effects) and compared with Welch's
-test, so that a series that merely scatters has no change.
+Windows of many lengths (seeded intervals: Kovács, Bühlmann, Li and Munk 2023, doi:10.1093/biomet/asac052) are split
+where their two sides differ most. The narrowest window with a significant split contains one change; the parts to its
+left and right are searched in the same way (Baranowski, Chen and Fryzlewicz 2019, doi:10.1111/rssb.12322). The sides
+are pooled with a scatter from value to value (random effects) and compared by Welch's test, so that a series that
+merely scatters has no change.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from scipy.special import stdtrit
 
 from evaluator.turning.pooling import Pooled, difference, p_of_difference, pooled
 
-SIGNIFICANCE = 0.05  # chance of a change reported anywhere in a series that has none; shared among its splits
+SIGNIFICANCE = 0.05  # probability of a reported change in a series that has none; divided among its splits
 
 
 @dataclass(frozen=True)
 class Level:
     """A value of one session: standard error with its degrees of freedom.
 
-    systematic: standard uncertainty that all sessions with the same source share, such as one calibration.
+    systematic: standard uncertainty common to all sessions with the same source, for example one calibration.
     """
 
     value: float
@@ -74,7 +74,7 @@ def changes(levels: Sequence[Level], series: int) -> tuple[Change, ...]:
 def _windows(count: int) -> list[tuple[int, int]]:
     """Intervals [start, stop) of lengths that shrink by √2, each length shifted by half of itself; narrowest first.
 
-    Of three sessions at least: two single ones show no scatter, and are compared only if there are no more.
+    At least three sessions long, since two single values show no scatter; two if there are no more.
     """
     found = set()
     length = float(count)

@@ -26,7 +26,7 @@ class Series:
 
 
 def find_series(sessions: Sequence[Session]) -> tuple[Series, ...]:
-    """All series that at least two sessions have, those of everything together first."""
+    """All series that at least two sessions have, beginning with those of all commands together."""
     names = list(dict.fromkeys(name for session in sessions for name in session.levels))
     found = [
         (name, unit, levels) for quantity, name in TOGETHER.items() for unit, levels in _together(sessions, quantity)

@@ -32,9 +32,9 @@ class Session:
 
 
 def read_sessions(folders: Sequence[Path]) -> tuple[Session, ...]:
-    """Sessions in the order of their dates; as given where no session has a date.
+    """Sessions in the order of their dates; in the given order if no session has a date.
 
-    Raises InputError for a folder without results, and where only some sessions have a date.
+    Raises InputError for a folder without results, and if only some sessions have a date.
     """
     sessions = [read_session(folder) for folder in folders]
     dated = [session for session in sessions if session.day is not None]
@@ -50,9 +50,9 @@ def read_sessions(folders: Sequence[Path]) -> tuple[Session, ...]:
 
 
 def read_session(folder: Path) -> Session:
-    """Series of one session: radius and speed of every command, and what a diagnosis found, with its size.
+    """Series of one session: radius and speed of every command, and the effects found by a diagnosis with their sizes.
 
-    Raises InputError where the folder holds no results or they cannot be read.
+    Raises InputError if the folder contains no readable results.
     """
     folder = Path(folder)
     turning, provenance = folder / "turning.csv", folder / "provenance.json"
@@ -74,7 +74,7 @@ def read_session(folder: Path) -> Session:
 
 
 def _camera(made_from: Mapping[str, Any]) -> str:
-    """What tells one calibration from another: sessions with the same camera file share its errors."""
+    """Key of a session's calibration: sessions with the same camera file share its errors."""
     camera = made_from["settings"].get("camera")
     return str(made_from["inputs_sha256"].get(camera, "")) if camera else ""
 
@@ -100,7 +100,7 @@ def _turning_levels(table: pd.DataFrame, camera: str) -> tuple[dict[str, Level],
 
 
 def _relative_systematic(rows: pd.DataFrame) -> float:
-    """What the calibration leaves open of a length: that of the radii, which holds for the speeds as well."""
+    """Relative systematic uncertainty of a length: that of the radii, which holds for the speeds as well."""
     share = (rows["radius_systematic_mm"] / rows["radius_mm"]).median()
     return float(share) if np.isfinite(share) else 0.0
 
@@ -110,7 +110,7 @@ def _level(value: Pooled, systematic: float, source: str) -> Level:
 
 
 def _diagnosed(path: Path) -> list[tuple[str, Level, str]]:
-    """Parameters of the named effects, where a diagnosis stands beside the results; their errors from the intervals."""
+    """Parameters of the named effects if there is a diagnosis beside the results; errors from their intervals."""
     if not path.is_file():
         return []
     found = json.loads(path.read_text(encoding="utf-8"))

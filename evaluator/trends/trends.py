@@ -37,7 +37,7 @@ class Trends:
             [
                 (name, unit, session, day, value, value - reach, value + reach, (name, at) in begins)
                 for name, unit, session, day, value, reach, at in rows
-                if np.isfinite(value)  # the session has this quantity
+                if np.isfinite(value)  # otherwise the session lacks this quantity
             ],
             columns=["series", "unit", "session", "date", "value", "low", "high", "changed"],
         )
@@ -46,7 +46,7 @@ class Trends:
 def compare_sessions(folders: Sequence[Path | str]) -> Trends:
     """Compare the results of several sessions: output folders of `analyze`, at least two.
 
-    Raises InputError where a folder cannot be read, or the sessions have nothing in common.
+    Raises InputError if a folder cannot be read, or the sessions have nothing in common.
     """
     if len(folders) < 2:
         raise InputError("a trend needs at least two folders of results, from `turnscope analyze` or `report`")

@@ -25,9 +25,7 @@ PLACES = (0.5, 1.5, 2.5)  # initial distances of the edge from the rim of the di
 FAR = 6.0  # blurs beyond the disc, from which an edge does not affect the mark
 ANGLE, DISTANCE, ASIDE, HEIGHT = range(4, 8)  # indices of the edge's unknowns, after those of the disc
 UNKNOWNS = 8
-CLEARLY = (
-    20.0  # decrease of the squared residuals, in variances, that four unknowns cause by chance once in 2000 frames
-)
+CLEARLY = 20.0  # decrease of squared residuals, in variances, that four unknowns cause by chance once in 2000 frames
 SHIFTED = 3.0  # shift of a mark by a slope, in sigmas, where an edge shifts it by one sigma; in clips, a third or less
 STEPS, ENOUGH_PX = 20, 0.01
 LARGEST = 0.4  # radii: largest step of the centre or the edge
