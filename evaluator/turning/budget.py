@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Standard uncertainties that no recording shows: positions and height of the marks, and the clock (relative)."""
+    """Standard uncertainties not shown by a recording: positions and height of the marks, and the clock (relative)."""
 
     mark_position_mm: float = 0.05
     mark_height_mm: float = 0.1

@@ -60,7 +60,7 @@ class Series:
 
 @dataclass(frozen=True)
 class CircularTest:
-    """points: a row per turn, with its series by number; series: in the order of their first runs."""
+    """points: a row for each turn, with the number of its series; series: in the order of their first runs."""
 
     points: pd.DataFrame
     series: tuple[Series, ...]
@@ -71,9 +71,9 @@ def circular_test(
 ) -> CircularTest:
     """Evaluate turns, one row each with COLUMNS of turning.csv; yaw_rate_sigma_deg_s and speed_sigma_mm_s are used.
 
-    like: a test whose series are to be evaluated, run by run; without, runs are grouped into series. Straight runs,
-    turns on the spot and rows without a speed are left out. Raises InputError where columns are missing or no turn is
-    left.
+    like: a test whose series are to be evaluated for the same runs; without it, runs are grouped into series. Straight
+    runs, turns on the spot and rows without a speed are left out. Raises InputError if columns are missing or no turn
+    is left.
     """
     missing = [name for name in COLUMNS if name not in turns]
     if missing:
@@ -137,7 +137,7 @@ def _sigma(turns: pd.DataFrame, name: str) -> Array:
 
 
 def _series(points: pd.DataFrame) -> Iterator[tuple[str, list[int]]]:
-    """Rows of every series: runs of one command over speed; of the remaining ones, runs of one radius."""
+    """Rows of every series: runs with one command over speed; of the remaining ones, runs with one radius."""
     for _, alike in points.groupby(["direction", "side"], sort=False):
         left = list(alike.index)
         for ratio in sorted(alike["ratio"].unique(), reverse=True):
@@ -201,7 +201,7 @@ class _Line:
 
 
 def _line(x: Array, y: Array, sigma: float) -> _Line:
-    """Least squares; the scatter about the line is that of the runs, but at least sigma, the uncertainty of one run."""
+    """Least squares; the scatter of the runs about the line is used, but at least sigma, the uncertainty of one run."""
     middle, free = float(x.mean()), len(x) - 2
     off = x - middle
     slope = float(off @ y / (off @ off))

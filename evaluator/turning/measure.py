@@ -42,8 +42,8 @@ def measure_turning(
     """Measure one run.
 
     shape: for the radii of wheels and corners and the slip angles; with the commanded rpm also the slip ratios.
-    start_s, stop_s: times at which the motors were commanded on and off; optional. A run
-    that does not turn, rests, or has too few poses is a Turning whose radius is NaN and whose radius_status says why.
+    start_s, stop_s: times at which the motors were commanded on and off; optional. For a run that does not turn, rests,
+    or has too few poses, the radius of the Turning is NaN, with the reason in radius_status.
     """
     if start_s is not None and stop_s is not None and stop_s <= start_s:
         raise InputError(f"stop at {stop_s} s is not after start at {start_s} s")
@@ -92,7 +92,7 @@ def measure_turning(
     seen = _with_speeds(_with_radii(seen, fit, sustained), fit, rate)
     body = body_quantities(fit, rate, poses.geometry, shape, (left_rpm, right_rpm))
     ratio = np.hypot(*fit.body_twist(scaled.offset_mm)[:2]) / max(np.hypot(*fit.body_twist(np.zeros(2))[:2]), 1e-300)
-    quiet_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point whose path `stretched` is
+    quiet_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point with the path `stretched`
     path = path_quantities(time, stretched, scaled.sigma_mm, steady, names != "rest", quiet_speed)
     return _with(seen, body | path)
 

@@ -1,8 +1,8 @@
 """Path radius and speed of a single mark, without a heading.
 
-The circle is fitted by its signed distance in a form that holds straight paths too: with q the place relative to an
-anchor, w its component across the path, a the distance of the path from the anchor and k its curvature, the distance
-is N / (1 + sqrt(1 - k N)), N = 2 (w - a) + k (2 w a - q² - a²).
+The circle is fitted by its signed distance in a form that includes straight paths. Let q be the position relative to an
+anchor, w its component across the path, a the distance of the path from the anchor, and k its curvature. The distance
+is N / (1 + sqrt(1 - k N)) with N = 2 (w - a) + k (2 w a - q² - a²).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ LEAST_BACK = 0.02  # share of the path: a smaller return is the play of wheels t
 class PointPath:
     """Path of one point: radius with 95 % bounds (NaN with a reason in status), speed in length units per s.
 
-    Speed is never negative: without a heading forward and backward look alike. turned_deg: change of the direction of
-    travel. scatter: RMS distance of the places from the circle.
+    Speed is never negative, because without a heading the directions forward and backward look alike. turned_deg:
+    change of the direction of travel. scatter: RMS distance of the positions from the circle.
     """
 
     status: str = "ok"
@@ -111,7 +111,7 @@ def measure_path(
 
 
 def _noise(place: Array) -> float:
-    """Noise of a coordinate from second differences, which a smooth path does not have; never quite zero."""
+    """Noise of a coordinate from second differences, which are near zero for a smooth path; always positive."""
     second = place[2:] - 2 * place[1:-1] + place[:-2]
     robust = 1.4826 * np.median(np.abs(second - np.median(second, axis=0)))  # of three values: sqrt(6) of one
     return float(max(robust / np.sqrt(6), 1e-9 * np.ptp(place, axis=0).max(), 1e-12))
@@ -162,7 +162,7 @@ def _circle(time: Array, place: Array) -> tuple[Curvature, Array, Array]:
 
 
 def _first_guess(q: Array) -> Array:
-    """Distance, direction and curvature: the better one of an algebraic circle (Kasa 1976) and a straight line."""
+    """Distance, direction and curvature: the better of an algebraic circle (Kasa 1976) and a straight line."""
     ahead = _ahead(q)
     line = np.array([0.0, float(np.arctan2(ahead[1], ahead[0])), 0.0])
     center = np.linalg.lstsq(np.column_stack([2 * q, np.ones(len(q))]), (q**2).sum(axis=1), rcond=None)[0]
@@ -170,7 +170,7 @@ def _first_guess(q: Array) -> Array:
     if squared <= 0:
         return line
     radius, normal = np.sqrt(squared), center[:2] / reach if reach else np.array([0.0, 1.0])
-    # Counter-clockwise about the centre: it lies to the left of the direction of travel.
+    # Counter-clockwise about the centre, which is to the left of the direction of travel.
     circle = np.array([reach - radius, float(np.arctan2(-normal[0], normal[1])), 1 / radius])
     return min((line, circle), key=lambda guess: float(np.square(_distance(q, guess)).sum()))
 
@@ -194,7 +194,7 @@ def _linearised(q: Array, parameters: Array) -> tuple[Array, Array]:
 
 
 def _along(q: Array, parameters: Array) -> Array:
-    """Length of path of every place from the anchor's foot, unwrapped."""
+    """Path length of every position from the foot of the anchor, unwrapped."""
     a, angle, k = parameters
     forward = q[:, 0] * np.cos(angle) + q[:, 1] * np.sin(angle)
     w = -q[:, 0] * np.sin(angle) + q[:, 1] * np.cos(angle) - a

@@ -1,9 +1,9 @@
 """Phases of a run with several motions: rest, straight, turn, turn on the spot, transient.
 
-A steady motion keeps the direction of its velocity (forward, sideways, yaw) in the body frame, however fast it is
-driven. The run is cut where that direction changes: the piecewise constant direction of least squares, each piece at a
-price (optimal partitioning, Jackson et al. 2005, doi:10.1109/LSP.2001.838216). Pieces are then fitted one by one, and
-neighbours that are the same motion by their fits are joined again.
+A steady motion has a constant direction of its velocity (forward, sideways, yaw) in the body frame, at any speed. The
+run is cut where this direction changes: the piecewise constant direction of least squares, with a price for each piece
+(optimal partitioning, Jackson et al. 2005, doi:10.1109/LSP.2001.838216). Pieces are then fitted one by one, and
+neighbours that are one motion by their fits are joined.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Flags = NDArray[np.bool_]
 Kind = Literal["rest", "straight", "turn", "spot", "transient"]
 NAN = float("nan")
 
-DIRECTION_SHARE = 0.05  # precision wanted of a local direction, rad; windows are as short as that allows
-SHORTEST_SHARE = 40  # a window reaches at most this part of the run to either side, lest it blur short corners
-SAME_DIRECTION = 0.02  # rad: what a direction may wander within one motion
-PRICE = 10.0  # of a piece, times the logarithm of the samples: noise that is correlated over some samples buys none
+DIRECTION_SHARE = 0.05  # required precision of a local direction, rad; windows are as short as it allows
+SHORTEST_SHARE = 40  # a window extends by at most this part of the run to either side, so that short corners stay sharp
+SAME_DIRECTION = 0.02  # rad: variation of the direction within one motion
+PRICE = 10.0  # of a piece, times the logarithm of the samples: noise correlated over some samples makes no piece
 MOST_SAMPLES = 400
-JOINED = 1.25  # neighbours whose curvatures differ by less are one motion whose radius varies
+JOINED = 1.25  # ratio of curvatures below which neighbours are one motion with a varying radius
 SPOT_SHARE = 0.2  # on the spot: the centre's circle is smaller than this share of half the distance of the marks
 COUNTS_SHARE, COUNTS_DEG = 0.1, 45.0  # a motion counts from this share of the moving time, or this turn, on
 
@@ -119,13 +119,13 @@ def several_motions(phases: tuple[Phase, ...]) -> str:
 
 
 def _local_rates(time_s: Array, smooth: Array, sigma_mm: float, inside: Flags) -> Rates:
-    """Velocities over the shortest windows that tell directions apart."""
+    """Velocities over the shortest windows that distinguish directions."""
     longest = max(len(time_s) // SHORTEST_SHARE, 2)
     return local_rates(time_s, smooth, sigma_mm, inside, share=DIRECTION_SHARE, longest=longest)
 
 
 def _cuts(samples: Array) -> list[int]:
-    """Indices at which (m, 3) samples of unit noise change their mean."""
+    """Indices at which the mean of (m, 3) samples of unit noise changes."""
     m = len(samples)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(samples, axis=0)])
     squares = np.concatenate([[0.0], np.cumsum((samples**2).sum(axis=1))])
@@ -149,7 +149,7 @@ def _cuts(samples: Array) -> list[int]:
 def _measured(
     time_s: Array, scaled: Scaled, twist: Array, moving: Flags, first: int, stop: int, half_width: int
 ) -> _Piece:
-    """Fit a piece, half a window away from its ends, where the rates belong to its neighbours too."""
+    """Fit a piece without half a window at its ends, where the rates include those of its neighbours."""
     start_s, stop_s = float(time_s[first]), float(time_s[stop - 1])
     margin = min(half_width, (stop - first) // 4)
     here = np.zeros(len(time_s), dtype=bool)

@@ -1,7 +1,7 @@
 """Phases of a run: rest, start, transient, steady turn, stop; found from the motion itself.
 
-The poses of a robot at rest scatter about one pose with the noise of the tracker; a moving robot leaves it permanently.
-Command times, if given, bound the search and determine the delay of the start.
+The poses of a robot at rest scatter about one pose with the noise of the tracker; a moving robot leaves it for good.
+Command times, if given, limit the search and give the delay of the start.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
 
-# A turn whose speed and yaw rate stay within this share of their usual values counts as steady; what variation of the
-# radius is left within it is measured, not assumed away.
+# A turn is steady while its speed and yaw rate stay within this share of their usual values; the remaining variation of
+# the radius is measured.
 STEADY_SHARE = 0.05
-# A robot moves when it is faster than this share of its usual speed.
+# A robot moves if it is faster than this share of its usual speed.
 MOVING_SHARE = 0.2
-# Scatter at rest stays below this many standard deviations (1 frame in 16,000); a slope too.
+# Scatter and slope at rest are below this many standard deviations (exceeded in 1 frame of 16,000).
 REST_SIGMA = 4.0
-# Relative precision wanted of a local speed: a fifth of the least departure that matters.
+# Required relative precision of a local speed: a fifth of the smallest change that matters.
 SLOPE_SHARE = STEADY_SHARE / 5
 
 
 @dataclass(frozen=True)
 class Phases:
-    """Times of the phases, s, in the time of the recording; NaN where a phase was not seen.
+    """Times of the phases, s, in the time of the recording; NaN if a phase was not observed.
 
     The robot moves from start_s to stop_s and turns steadily from steady_start_s to steady_stop_s; before start_s and
     after stop_s it rests. delay_s: start_s minus the commanded start. reason: why there is no motion, else "".
@@ -68,8 +68,8 @@ def find_phases(
 ) -> Phases:
     """Find the phases of a run.
 
-    time_s: (n,). scaled: (n, 3) of x, y, length · heading, mm, without NaN, each of noise sigma_mm. start_s, stop_s:
-    times of the commands, where known: the robot is not looked for outside them, but may still roll out after stop_s.
+    time_s: (n,). scaled: (n, 3) of x, y, length · heading, mm, without NaN, each with noise sigma_mm. start_s, stop_s:
+    times of the commands, if known: motion is searched between them, but may continue after stop_s.
     """
     begin, end = -np.inf if start_s is None else start_s, np.inf if stop_s is None else stop_s
     inside = (time_s >= begin) & (time_s <= end)
@@ -78,13 +78,13 @@ def find_phases(
     reach = _reach(scaled[inside])
     if reach < REST_SIGMA * sigma_mm:
         return Phases(reason=f"at rest: moves less than {max(reach, sigma_mm):.2g} mm")
-    smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # single wild frames say nothing of the speed
+    smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # without single outliers
     rates = local_rates(time_s, smooth, sigma_mm, inside)
     speed = np.linalg.norm(rates.value, axis=1)
     usual = _usual(speed[inside])
     moving = (speed > max(MOVING_SHARE * usual, REST_SIGMA * rates.sigma)) & inside
     if usual < 2 * REST_SIGMA * rates.sigma or not moving.any():
-        moving = inside  # too slow for its phases to stand out of the noise: the whole is taken
+        moving = inside  # too slow to distinguish phases from noise: the whole interval is used
     first, last = _longest(moving, rates.half_width)
     onset = _left_rest(time_s, smooth, sigma_mm, first, rates.half_width)
     ending = _left_rest(-time_s[::-1], smooth[::-1], sigma_mm, len(time_s) - 1 - last, rates.half_width)
@@ -109,7 +109,7 @@ def local_rates(
 ) -> Rates:
     """Slopes over windows just long enough for their relative precision `share`.
 
-    longest: frames that a window reaches to either side at most; by default a tenth of the run.
+    longest: largest number of frames of a window on either side; by default a tenth of the run.
     """
     interval = float(np.median(np.diff(time_s)))
     longest = max(int(inside.sum()) // 10, 2) if longest is None else longest
@@ -129,12 +129,12 @@ def _slopes(values: Array, half: int) -> Array:
     """Slope per frame of the line through the 2·half + 1 frames around every frame, along the first axis; (n, k)."""
     steps = np.arange(-half, half + 1.0)
     slopes = np.asarray(correlate1d(values, steps / (steps @ steps), axis=0))
-    slopes[:half], slopes[len(slopes) - half :] = slopes[half], slopes[len(slopes) - half - 1]  # the line at either end
+    slopes[:half], slopes[len(slopes) - half :] = slopes[half], slopes[len(slopes) - half - 1]  # constant at the ends
     return slopes
 
 
 def _local_interval(time_s: Array, half: int) -> Array:
-    """Frame interval around every frame, (n, 1), so that slopes stay slopes in time across gaps."""
+    """Frame interval around every frame, (n, 1), so that slopes across gaps are slopes in time."""
     return _slopes(time_s[:, None], half)
 
 
@@ -156,7 +156,7 @@ def _longest(flags: Flags, bridge: int) -> tuple[int, int]:
 def _left_rest(time_s: Array, scaled: Array, sigma_mm: float, first: int, window: int) -> float:
     """Time at which the robot left its rest pose before frame `first`; NaN if it was not seen at rest.
 
-    window: frames by which `first` may be early or late.
+    window: number of frames by which `first` may be early or late.
     """
     before = scaled[max(first - window - 60, 0) : max(first - window, min(first, 4))]
     if len(before) < 4:
@@ -175,7 +175,7 @@ def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
     middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)
     level = np.array([np.median(speed[middle]), np.median(yaw[middle])])
     spread = 1.4826 * np.array([np.median(np.abs(v[middle] - l)) for v, l in zip((speed, yaw), level, strict=True)])
-    # Half the usual scatter of a ripple is part of a steady turn, and so is noise.
+    # Half of the usual scatter of a ripple, and noise, are parts of a steady turn.
     limit = np.maximum(STEADY_SHARE * np.linalg.norm(level), REST_SIGMA * np.maximum(spread, rates.sigma))
     near = (np.abs(speed - level[0]) <= limit[0]) & (np.abs(yaw - level[1]) <= limit[1])
     return _settled(near, first, last, rates.half_width), len(near) - 1 - _settled(
@@ -184,7 +184,7 @@ def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
 
 
 def _settled(near: Flags, first: int, last: int, hold: int) -> int:
-    """First frame from which the rates stay near the usual ones for their window; at the latest the middle."""
+    """First frame from which the rates stay near the usual ones over their window; at most the middle."""
     middle = (first + last) // 2
     for frame in range(first, middle):
         if near[frame : frame + hold + 1].all():

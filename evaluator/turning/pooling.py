@@ -1,9 +1,9 @@
 """Pooled repetitions, with run-to-run scatter separated from measurement uncertainty.
 
-Random-effects model: every run has a value of its own around the mean of all, measured with an uncertainty of its own.
-The scatter between runs is that of Paule and Mandel (1982, doi:10.6028/jres.087.022); the interval of the mean that of
-Hartung and Knapp (2001, doi:10.1002/sim.791), which holds for few runs. What the camera does to all runs alike no
-repetition averages out: it widens the interval of the mean and is no part of the scatter.
+Random-effects model: every run has its own value around the mean of all, measured with its own uncertainty. The scatter
+between runs is estimated as by Paule and Mandel (1982, doi:10.6028/jres.087.022), the interval of the mean as by
+Hartung and Knapp (2001, doi:10.1002/sim.791), which is valid for few runs. Errors of the camera are common to all runs
+and are not averaged out: they widen the interval of the mean and are not part of the scatter.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Pooled:
 def pooled(values: Array, sigmas: Array) -> Pooled:
     """Pool values with their standard uncertainties; values that are not finite are left out, none left gives NaN.
 
-    Values whose uncertainty is not known (sigma zero) are pooled by their scatter alone, of which one value has none.
+    Values with unknown uncertainty (sigma zero) are pooled by their scatter alone, which a single value does not have.
     """
     values, sigmas = np.asarray(values, float), np.asarray(sigmas, float)
     good = np.isfinite(values) & np.isfinite(sigmas)
@@ -63,12 +63,12 @@ def pooled(values: Array, sigmas: Array) -> Pooled:
         reach = Z_975 * error
         return Pooled(value, value - reach, value + reach, within=within, runs=1, error=error, freedom=np.inf)
     between = paule_mandel(values, sigmas)
-    least = 1e-12 * max(float(np.abs(values).max()), 1e-100)  # equal values of no uncertainty keep finite weights
+    least = 1e-12 * max(float(np.abs(values).max()), 1e-100)  # finite weights for equal values without uncertainty
     variance = sigmas**2 + between**2 + least**2
     weight = 1 / variance
     mean = float(weight @ values / weight.sum())
-    # Hartung and Knapp's factor is one for the scatter of Paule and Mandel. Where that is nothing the factor would be
-    # less, but runs that agree by chance are no reason for a narrower interval.
+    # Hartung and Knapp's factor is one with the scatter of Paule and Mandel. If this scatter is zero the factor would
+    # be smaller, but chance agreement of the runs must not narrow the interval.
     error = float(np.sqrt(1 / weight.sum()))
     reach = float(special.stdtrit(n - 1, 0.975)) * error
     measured = bool((sigmas > 0).all())
@@ -97,7 +97,7 @@ def _welch(first: Pooled, second: Pooled) -> tuple[float, float, float]:
     if not np.isfinite(value) or not np.isfinite(squares).all():
         return value, NAN, NAN
     shares = float((squares**2 / np.array([first.freedom, second.freedom])).sum())
-    freedom = squares.sum() ** 2 / shares if shares else 1e9  # a single run's uncertainty is taken as known
+    freedom = squares.sum() ** 2 / shares if shares else 1e9  # the uncertainty of a single run counts as known
     return value, float(np.sqrt(squares.sum())), float(freedom)
 
 
@@ -110,7 +110,7 @@ def cochran(values: Array, sigmas: Array, between: float) -> float:
 
 
 def paule_mandel(values: Array, sigmas: Array) -> float:
-    """Standard deviation between the values at which Cochran's sum equals its expectation; zero if it is below."""
+    """Standard deviation between the values at which Cochran's sum equals its expectation; zero if it is smaller."""
     low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values)) + 1e-300
     if np.ptp(values) == 0 or cochran(values, sigmas, 0.0) <= len(values) - 1:
         return 0.0

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-# Slips that every robot of four wheels in two axles has a column for; of other wheels they follow as further columns.
+# Columns of slips for robots with four wheels on two axles; slips of other wheels are in further columns.
 USUAL_SLIPS = (
     "body_slip_angle_deg",
     *(f"{name}_slip_angle_deg" for name in WHEELS),
@@ -104,7 +104,7 @@ def body_quantities(
 
 
 def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array]:
-    """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), and their standard uncertainties.
+    """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), with their standard uncertainties.
 
     Noise along the path affects the rate, and noise across it the direction, independently. Of the camera, only its
     effect on the direction is included: its effect on speed is an error of scale, equal for all runs.
@@ -135,10 +135,10 @@ def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, floa
     ):
         if side == "caster":
             continue
-        assert shape is not None  # there would be no wheel
+        assert shape is not None  # otherwise there are no wheels
         velocity = _velocity(twist, np.array(place))
         result[f"{name}_slip_angle_deg"] = slip_angle_deg(velocity)
-        speed = commanded.get(side)  # the rotation of a wheel that rolls freely is not known
+        speed = commanded.get(side)  # the rotation of a free wheel is unknown
         if speed is not None:
             surface = speed * 2 * np.pi / 60 * shape.wheel_radius_mm
             larger = max(abs(velocity[0]), abs(surface))
@@ -160,7 +160,7 @@ def path_quantities(
     squared = (rates.value[:, :2] ** 2).sum(axis=1)
     here = squared[steady]
     noise = rates.sigma**2
-    driven = float(np.sqrt(np.maximum(here - noise, 0)).mean())  # noise across the path lengthens it, along it does not
+    driven = float(np.sqrt(np.maximum(here - noise, 0)).mean())  # only noise across the path lengthens it
     ripple = np.sqrt(max(float(np.var(np.sqrt(here))) - noise, 0.0))
     return {
         "path_efficiency": min(speed_mm_s / driven, 1.0) if driven else NAN,

@@ -1,6 +1,6 @@
 """Tables of repetitions: a row per command, and backward compared with forward.
 
-ISO 4138 asks for turns to both sides and at least three of each; what an experiment lacks is said in words.
+ISO 4138 requires turns to both sides and at least three of each; missing ones are stated in words.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, difference, pooled
 
 ISO_4138_REPETITIONS = 3
-# Ratio of radii above which runs are not repetitions. Repetitions of a command scatter by some percent (friction,
+# Ratio of radii above which runs are not repetitions. Repetitions of a command scatter by a few percent (friction,
 # grain, dirt); with a ratio of 1.5 a run was disturbed, or its command is not the stated one.
 DISAGREEMENT = 1.5
 COMMAND = ["group", "left_rpm", "right_rpm"]
@@ -25,11 +25,11 @@ Key = tuple[str, float, float]
 def pool_runs(turning: pd.DataFrame) -> pd.DataFrame:
     """Pool the rows of turning.csv that share group and command.
 
-    Returns a row per command, in the order of their first run: group, left_rpm, right_rpm, side ("left", "right", or ""
-    for straight), direction, runs that have a radius, radius_mm with its 95 % bounds, radius_between_mm (scatter from
-    run to run), radius_within_mm (of a single measurement by noise), radius_systematic_mm (shared by all), p_same; then
-    curvature, speed, path efficiency and smoothness, each with its scatter from run to run; note: what ISO 4138 still
-    asks for, and why runs that disagree have no common radius.
+    Returns a row for each command, in the order of their first runs: group, left_rpm, right_rpm, side ("left", "right",
+    or "" for straight), direction, runs that have a radius, radius_mm with its 95 % bounds, radius_between_mm (scatter
+    from run to run), radius_within_mm (of a single measurement by noise), radius_systematic_mm (common to all), p_same;
+    then curvature, speed, path efficiency and smoothness, each with its scatter from run to run; note: what is missing
+    for ISO 4138, and why inconsistent runs have no common radius.
     """
     groups = _commands(turning)
     sides = {key: _side(rows) if key[1] != key[2] else "" for key, rows in groups.items()}
@@ -38,11 +38,11 @@ def pool_runs(turning: pd.DataFrame) -> pd.DataFrame:
 
 
 def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
-    """Set backward runs against the forward runs of the same speeds: a row per command that was driven both ways.
+    """Compare backward runs with forward runs at the same speeds: a row for each command driven in both directions.
 
-    radius_change_percent: backward against forward, with 95 % bounds from the scatter of the repetitions; what the
-    camera does to both alike cancels. smoothness_change: backward minus forward; negative is less smooth. With a single
-    run each way the bounds hold the measurement alone, and smoothness has none.
+    radius_change_percent: backward relative to forward, with 95 % bounds from the scatter of the repetitions; equal
+    errors of the camera cancel. smoothness_change: backward minus forward; negative is less smooth. With a single run
+    in each direction the bounds include the measurement alone, and smoothness has none.
     """
     groups = _commands(turning)
     table = []
@@ -51,7 +51,7 @@ def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
         if backward is None or left + right <= 0:
             continue
         radii = [_pool(rows, "radius_mm", "radius_random_mm") for rows in (forward, backward)]
-        if left == right:  # a straight run has no radius that could change
+        if left == right:  # a straight run has no radius
             radii = [Pooled(), Pooled()]
         change = difference(_relative(radii[0], radii[0].mean), _relative(radii[1], radii[0].mean))
         smooth = [_pool(rows, "smoothness") for rows in (forward, backward)]
@@ -67,9 +67,9 @@ def compare_directions(turning: pd.DataFrame) -> pd.DataFrame:
 
 
 def disagreement(rows: pd.DataFrame, factor: float = DISAGREEMENT) -> str:
-    """Reason why runs cannot be repetitions, by their results; "" if they can.
+    """Reason why the results of runs contradict that they are repetitions; "" if they do not.
 
-    factor: largest over smallest radius from which on they are different runs.
+    factor: ratio of the largest to the smallest radius from which they are different runs.
     """
     turns = rows[rows["radius_mm"].notna()]
     if len(turns) < 2:
@@ -84,7 +84,7 @@ def disagreement(rows: pd.DataFrame, factor: float = DISAGREEMENT) -> str:
 
 
 def _commands(turning: pd.DataFrame) -> dict[Key, pd.DataFrame]:
-    """Rows of every command, in the order of their first run; runs without results are no repetitions."""
+    """Rows of every command, in the order of their first runs; runs without results are omitted."""
     there = turning[turning["speed_mm_s"].notna()]
     there = there.assign(group=there["group"].fillna("") if "group" in there else "")
     found: dict[Key, pd.DataFrame] = {}
@@ -119,12 +119,12 @@ def _row(key: Key, rows: pd.DataFrame, side: str, note: str) -> dict[str, Any]:
 
 
 def _curvature_sigma(rows: pd.DataFrame) -> pd.Series[float]:
-    """Standard uncertainty from the 95 % bounds, noise and camera combined."""
+    """Standard uncertainty from the 95 % bounds, including noise and camera."""
     return (rows["curvature_high_per_mm"] - rows["curvature_low_per_mm"]) / (2 * Z_975)
 
 
 def _pool(rows: pd.DataFrame, name: str, sigma: str = "") -> Pooled:
-    """Pool a column; without a column of uncertainties by its scatter alone."""
+    """Pool a column; if it has no column of uncertainties, by its scatter alone."""
     if name not in rows:
         return Pooled()
     known = rows[sigma].to_numpy(float) if sigma and sigma in rows else np.zeros(len(rows))
@@ -142,7 +142,7 @@ def _bounded(name: str, values: tuple[float, float, float]) -> dict[str, float]:
 
 
 def _side(rows: pd.DataFrame) -> str:
-    """Side of the robot on which the centre of rotation lies: forward, the side it turns to."""
+    """Side of the robot on which the centre of rotation lies; for a forward run, the side to which it turns."""
     turning = rows[rows["radius_mm"].notna()]
     if turning.empty:
         return ""

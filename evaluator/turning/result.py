@@ -11,12 +11,12 @@ from evaluator.turning.path import PointPath
 from evaluator.turning.phase_table import Phase
 
 NAN = float("nan")
-OF_MARKS = {"mark_speeds_mm_s": "_speed_mm_s", "mark_radii_mm": "_radius_mm"}  # what follows a mark's name in the row
+OF_MARKS = {"mark_speeds_mm_s": "_speed_mm_s", "mark_radii_mm": "_radius_mm"}  # suffixes of a mark's name in the row
 
 
 @dataclass(frozen=True, repr=False)
 class Turning:
-    """One run's row of turning.csv; NaN where a quantity is unknown, with the reason in `radius_status`.
+    """One run's row of turning.csv; NaN if a quantity is unknown, with the reason in `radius_status`.
 
     radius_mm: minimum turning radius of the centre, sustained for a quarter turn (sustained.py), with 95 % bounds;
     steady_radius_mm: of the steady turn as a whole. Both are NaN if the interval of the curvature includes a straight
@@ -160,7 +160,7 @@ class Turning:
         )
 
     def to_row(self) -> dict[str, float | str | bool]:
-        """Columns of turning.csv in order, to follow run, left_rpm and right_rpm; NAME_speed_mm_s … of the marks."""
+        """Columns of turning.csv in order, after run, left_rpm and right_rpm; NAME_speed_mm_s … of the marks."""
         row: dict[str, float | str | bool] = {}
         for item in fields(self):
             value = getattr(self, item.name)

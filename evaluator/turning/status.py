@@ -11,16 +11,16 @@ from evaluator.turning.sustained import Sustained
 from evaluator.wording import with_bounds
 
 OK = "ok"
-# Marks are put on a robot to some hundredths of a millimetre, a few percent of their distance at worst. Lengths that
-# are off by more than a fifth are of another unit, another gauge or another robot.
+# Positions of marks err by some hundredths of a millimetre, at most a few percent of their distance. Lengths that are
+# off by more than a fifth are in another unit, or of another gauge or robot.
 SPACING_SHARE = 0.2
 UNITS_MM = {"m": 1000.0, "cm": 10.0, "inches": 25.4}
-PX_FAR = 50.0  # coordinates of an image reach farther than this and are not negative
-# A radius is given where its 95 % bounds are within a factor of three: the curvature is then known to four standard
-# uncertainties, and a straight run passes for a turn once in 16,000, not once in 20.
+PX_FAR = 50.0  # coordinates in px extend beyond this, and are not negative
+# A radius is stated if its 95 % bounds are within a factor of three: the curvature is then four standard uncertainties
+# from zero, so that a straight run counts as a turn once in 16,000, not once in 20.
 LEAST_CERTAIN = 0.5
-LEAST_TURN_DEG = 1.0  # less turn is straight to the eye, and no calibration is good enough to call it an arc
-VARIES_SHARE = STEADY_SHARE  # of the mean curvature: a standard deviation beyond is more than a steady turn has
+LEAST_TURN_DEG = 1.0  # a smaller turn looks straight, and no calibration is good enough to distinguish it
+VARIES_SHARE = STEADY_SHARE  # of the mean curvature: largest standard deviation within a steady turn
 
 
 def spacing_fault(poses: Poses) -> str:

@@ -1,13 +1,13 @@
 """The smallest turning radius that a run sustains, without the bias of a minimum over noisy windows.
 
-Sustained means: held over at least a quarter turn of heading. The run is cut into quarter turns, or into four pieces
-where it holds fewer; each has a curvature with its own uncertainty. If these differ by no more than their uncertainties
-explain (Cochran 1954, doi:10.2307/3001666), the run has one radius, and the smallest sustained one is that of the
-whole: no minimum is taken, so noise cannot make it smaller. If they differ, they are a population of their own spread
-(Paule and Mandel 1982, doi:10.6028/jres.087.022). Windows of a quarter turn are then slid along the run; each value is
-shrunk toward the mean by the share of its difference that noise would explain, and the tightest is the answer: a
-posterior mean, which choosing the largest does not bias (Dawid 1994, doi:10.1214/lnms/1215463797). The radius of a
-window is the length of its path per angle turned, whether the curvature changes inside the window or not.
+Sustained means: held over at least a quarter turn of heading. The run is cut into quarter turns, or into four pieces if
+it has fewer; each has a curvature with its own uncertainty. If these differ by no more than their uncertainties explain
+(Cochran 1954, doi:10.2307/3001666), the run has one radius, and the smallest sustained one is that of the whole run: no
+minimum is taken, so that noise cannot make it smaller. If they differ, they are a population with a spread (Paule and
+Mandel 1982, doi:10.6028/jres.087.022). Windows of a quarter turn are then slid along the run; each value is shrunk
+toward the mean by the share of its difference that noise explains, and the tightest one is the result: a posterior
+mean, which is not biased by choosing the largest (Dawid 1994, doi:10.1214/lnms/1215463797). The radius of a window is
+its path length per angle turned, whether its curvature changes or not.
 """
 
 from __future__ import annotations
@@ -28,22 +28,23 @@ Flags = NDArray[np.bool_]
 # A once-per-turn variation of the radius (tilt, gradient) keeps sin(45°)/45° = 90 % of its amplitude over a quarter
 # turn.
 QUARTER_TURN_RAD = np.pi / 2
-# A run of one radius is taken for a varying one this often.
+# Probability with which a run of one radius is taken for a varying one.
 FALSE_ALARM = 1e-3
-# Pieces that show whether the curvature changes: with four, change in one direction and change there and back both do.
+# Pieces in which a change of curvature is looked for: four show changes in one direction, and changes there and back.
 FEWEST_PIECES = 4
-# Where the curvature changes much inside a piece, what the circle leaves over passes for noise and hides the change
-# from piece to piece; the residual falls with the cube of the length, so pieces of a quarter of it show it.
+# If the curvature changes much inside a piece, the residual of its circle counts as noise and hides the change from
+# piece to piece. The residual falls with the cube of the length, so that pieces of a quarter of it show the change.
 FINER = (1, 2, 4)
-# A fit that rejects more than a tenth of the frames takes a bend for jumps: they are looked for in pieces instead.
+# A fit that rejects more than a tenth of the frames takes a bend for jumps; jumps are then looked for in pieces
+# instead.
 FEWEST_USED = 0.9
-LEAST_SHARE = 1e-6  # no length is known better; without it the rounding of a simulated circle makes it vary
+LEAST_SHARE = 1e-6  # relative uncertainty of any length; without it, rounding would make a simulated circle vary
 STEADY = 1  # index of the steady turn among the regions
-# Quarter turns are slid in steps of half of one, then around the tightest in steps of an eighth: 11 degrees beside the
-# tightest window, a change of curvature there and back has changed the mean over the window by less than 2 % of it.
+# Quarter turns are slid in steps of half a quarter, then around the tightest one in steps of an eighth. At 11 degrees
+# from the tightest window, a curvature that changes there and back has changed the mean by less than 2 % of the change.
 COARSE, FINE = 0.5, 0.125
-# The change of curvature inside a window is estimated to first order. What is left is of second order in the share c of
-# the turn that the change makes up; c² holds it for ellipses and spirals (tests).
+# The change of curvature inside a window is estimated to first order. The remainder is of second order in the share c
+# of the turn that is due to the change; c² is an upper bound for ellipses and spirals (tests).
 SECOND_ORDER = 1.0
 
 
@@ -71,12 +72,12 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     """Find the minimum sustained radius.
 
     regions: stretches of frames, (n,) each, before, in and after the steady turn. whole: fit to the steady turn, the
-    answer where nothing varies.
+    result if nothing varies.
     """
     steady, heading = whole.curvature(), scaled.pose[:, 2]
     same = Sustained(steady, steady, varies=False, spread_per_mm=0.0, p_value=1.0, from_s=time_s[0], to_s=time_s[-1])
     regions = list(regions)
-    if whole.used.mean() > FEWEST_USED:  # a few frames that jump would weigh much in a short window
+    if whole.used.mean() > FEWEST_USED:  # outliers would have a large weight in a short window
         regions[STEADY] = _only(regions[STEADY], whole.used)
     tests: list[_Pieces] = []
     for finer in FINER:
@@ -99,9 +100,9 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
     sense = np.sign(center.value) or 1.0
     windows, found = _tightest(time_s, scaled, np.any(regions, axis=0), sense, center, between)
     if found is None:
-        # Nothing was held for a quarter turn: the answer is that of the whole, known no better than it changes.
+        # No quarter turn was held: the result is that of the whole, with the change of its curvature as uncertainty.
         windows, found = regions[STEADY], steady.with_systematic(between)
-    # The camera's error is common to the whole run: a share of the curvature, whichever stretch it is of.
+    # The camera's error is common to the whole run: a share of the curvature of every stretch.
     share = abs(steady.systematic / steady.value) if steady.value else 0.0
     when = time_s[windows]
     return Sustained(
@@ -118,7 +119,7 @@ def sustained_turn(time_s: Array, scaled: Scaled, regions: list[Flags], whole: T
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Curvatures of pieces of a run, and how likely such differences are if it has one curvature."""
+    """Curvatures of pieces of a run, and the probability of such differences if it has one curvature."""
 
     fits: list[TurnFit]
     values: Array
@@ -148,9 +149,9 @@ def _jumping(pieces: list[Flags], fits: list[TurnFit]) -> Flags:
 
 
 def _pieces(heading_rad: Array, regions: list[Flags], finer: int) -> list[Flags]:
-    """Cut regions into equal turns: quarter turns, the steady one into at least FEWEST_PIECES; finer: into more.
+    """Cut regions into equal turns: quarter turns, the steady region into at least FEWEST_PIECES; finer: into more.
 
-    Of what comes before and after the steady turn only quarter turns count.
+    Before and after the steady turn, only complete quarter turns are used.
     """
     windows = []
     for index, region in enumerate(regions):
@@ -169,7 +170,7 @@ def _pieces(heading_rad: Array, regions: list[Flags], finer: int) -> list[Flags]
 
 
 def _between(heading_rad: Array, inside: NDArray[np.intp], shares: list[tuple[float, float]]) -> list[Flags]:
-    """Frames of `inside` between shares of its turn; windows of too few frames are left out."""
+    """Frames of `inside` between shares of its turn; windows with too few frames are omitted."""
     turned = heading_rad[inside] - heading_rad[inside[0]]
     share = np.clip(turned / turned[-1], 0, 1)
     windows = []
@@ -184,7 +185,7 @@ def _between(heading_rad: Array, inside: NDArray[np.intp], shares: list[tuple[fl
 def _tightest(
     time_s: Array, scaled: Scaled, moving: Flags, sense: float, center: Curvature, between: float
 ) -> tuple[Flags, Curvature | None]:
-    """Tightest window of a quarter turn and its curvature; no curvature where the run holds no quarter turn."""
+    """Tightest window of a quarter turn and its curvature; no curvature if the run has no quarter turn."""
     heading, inside = scaled.pose[:, 2], np.flatnonzero(moving)
     turned = abs(heading[inside[-1]] - heading[inside[0]])
     width = QUARTER_TURN_RAD / turned if turned else np.inf
@@ -236,7 +237,7 @@ def _mean_of(values: Array, sigmas: Array, between: float) -> Curvature:
 
 
 def _shrunk(one: Curvature, center: Curvature, between: float) -> Curvature:
-    """Posterior of a quarter turn's curvature given the population it belongs to."""
+    """Posterior of a quarter turn's curvature, given the population of quarter turns."""
     keep = between**2 / (between**2 + _known_to(one) ** 2)
     value = center.value + keep * (one.value - center.value)
     sigma = float(np.sqrt(keep * _known_to(one) ** 2 + ((1 - keep) * center.sigma) ** 2))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Z_975 = 1.96  # standard deviations to either side of a normal distribution that hold 95 % of it
+Z_975 = 1.96  # standard deviations on either side of the mean of a normal distribution that include 95 %
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from evaluator.turning.motion.steady_motion import SteadyMotion, bend_design, fi
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Mahalanobis distance squared (two channels) beyond which a Gaussian frame lies once in a million: exp(-m²/2) = 1e-6.
+# Squared Mahalanobis distance (two channels) that Gaussian noise exceeds in one frame of a million: exp(-m²/2) = 1e-6.
 OUTLIER_SQUARED = 27.6
 MEDIAN_SQUARED = 1.386  # median of chi-squared with two degrees of freedom
-# Frames are compared with their neighbours, not with the circle: what bends slowly is motion, what jumps is an error.
+# Frames are compared with their neighbours, not with the circle: slow deviations are motion, jumps are errors.
 NEIGHBOURS = 31
 FEWEST_FRAMES = 8
 COVERED = (0.025, 0.975)
@@ -36,11 +36,12 @@ MOTION = 4  # parameters of a steady motion: start across it and twist across it
 class TurnFit:
     """A steady motion fitted to an interval of poses.
 
-    offset_mm: (2,) body-frame place of the point whose position and heading noise are uncorrelated (between the marks);
-    the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four parameters about
-    `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the camera. ahead: 1 where
-    the path parameter grows with time, else -1. change_rad: (2,) turn that the change of curvature along the path makes
-    up, even and there and back (Legendre polynomials of first and second degree); zeros where none was allowed.
+    offset_mm: (2,) position, in the body frame, of the point whose position and heading noise are uncorrelated (between
+    the marks); the motion is that of this point. used: (n,) frames that took part. averaged: steps of the four
+    parameters about `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the
+    camera. ahead: 1 if the path parameter grows with time, else -1. change_rad: (2,) turn due to the change of
+    curvature along the path, as coefficients of the first and second Legendre polynomial; zeros if no change was
+    fitted.
     """
 
     motion: SteadyMotion
@@ -84,7 +85,7 @@ class TurnFit:
         return self.centers_mm(self.averaged.mean()[None])[0], gradient @ self.averaged.spread() @ gradient.T
 
     def bend_rad(self, steps: Array) -> Array:
-        """Angle whose tangent is length × curvature of the centre's path: finite straight ahead and on the spot."""
+        """Angle with tangent length × curvature of the centre's path; finite for straight motion and on the spot."""
         twist = self.body_twists(steps, np.zeros(2))
         return np.asarray(np.arctan2(self.motion.length_mm * twist[:, 2], np.hypot(twist[:, 0], twist[:, 1])))
 
@@ -118,7 +119,7 @@ def _body_from_plate(heading_rad: Array) -> Array:
 
 @dataclass(frozen=True)
 class Scaled:
-    """Poses of the quiet point of the body, heading in units of length: noise of all three coordinates is alike."""
+    """Poses of the quiet point of the body; headings are scaled so that all three coordinates have equal noise."""
 
     pose: Array  # (n, 3): x, y mm, heading rad, of the quiet point
     covariance: Array  # (n, 3, 3) body frame, mm², heading times length
@@ -159,7 +160,7 @@ def part(scaled: Scaled, where: Flags) -> Scaled:
 
 
 def fit_turn(time_s: Array, scaled: Scaled) -> TurnFit:
-    """Fit a steady motion to all given frames; frames that jump out of their neighbours are rejected and counted.
+    """Fit a steady motion to all given frames; frames that jump relative to their neighbours are rejected and counted.
 
     The relative size of the errors comes from the covariances; their scale, their correlation between the two
     channels and in time come from the residuals.
@@ -259,5 +260,5 @@ def _channel_factor(standard: list[Array]) -> Array:
     """Factor (2, 2) that brings standardised residuals (k, 2) of each stretch to unit variance and no correlation."""
     values = np.concatenate(standard)
     moment = values.T @ values / max(len(values) - 2 * len(standard), 1)
-    floor = 1e-6 * max(float(np.trace(moment)), 1e-24)  # an exact channel keeps a finite weight
+    floor = 1e-6 * max(float(np.trace(moment)), 1e-24)  # a channel without noise keeps a finite weight
     return np.asarray(np.linalg.inv(np.linalg.cholesky(moment + floor * np.eye(2))))

@@ -1,9 +1,9 @@
 """Generalised least squares with noise correlated in time, valid also for few independent values.
 
-What the noise is like (its correlation from frame to frame, how much of it is white, whether it is fixed to the image
-or to the body) is not known. The estimate is therefore averaged over these, weighted by their restricted likelihood
-(Harville 1977, doi:10.1080/01621459.1977.10480998); that widens intervals the way Student's t does for an unknown
-scale. The prior is flat in the logarithm of the correlation time, which has no preferred unit.
+The noise (its correlation from frame to frame, its white share, whether it is fixed to the image or to the body) is
+unknown. The estimate is therefore averaged over noise models, weighted by their restricted likelihood (Harville 1977,
+doi:10.1080/01621459.1977.10480998). This widens intervals like Student's t for an unknown scale. The prior is flat in
+the logarithm of the correlation time, which has no preferred unit.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from evaluator.turning.motion.whitening import whitened_moments
 
 Array = NDArray[np.float64]
 
-# Fisher's z of the correlation between successive frames; the variance of a mean goes with exp(2 z), so a step of 0.15
-# resolves a standard error to 8 % at worst, and the average over neighbours to far less. z = 3.3 is a correlation
-# time of 370 frames: slower noise cannot be distinguished from a change of the parameters in a run of a few
-# hundred frames.
+# Fisher's z of the correlation between successive frames. The variance of a mean is proportional to exp(2 z): a step of
+# 0.15 resolves a standard error to 8 % or better, and averaging over neighbours to much less. z = 3.3 is a correlation
+# time of 370 frames: in a run of a few hundred frames, slower noise cannot be distinguished from a change of the
+# parameters.
 CORRELATIONS = np.tanh(np.arange(-0.3, 3.31, 0.15))
-# White share of the variance, and the probability given to it beforehand: one process is the rule.
+# White shares of the variance, and their prior probabilities: usually there is one process.
 WHITE_SHARES = {0.0: 0.8, 0.5: 0.1, 0.85: 0.1}
-# Slow noise shows only when the run holds some of its correlation times, more of them under white noise; slower than
-# that it is the same thing as other parameters: systematic, like the camera's own errors, which are propagated apart.
+# Slow noise is visible only if the run lasts for some of its correlation times, more of them under white noise. Slower
+# noise is equivalent to other parameters: a systematic error, which is propagated separately like those of the camera.
 SEEN_CORRELATION_TIMES = {0.0: 4.0, 0.5: 10.0, 0.85: 10.0}
-# Noise fixed to the image turns against the body. Within a quarter of this angle, the longest correlation time that
-# shows, cos(2 / 4) = 0.88: shorter arcs cannot tell.
+# Noise fixed to the image rotates relative to the body. Within a quarter of this angle, the longest correlation time
+# that is visible, cos(2 / 4) = 0.88: shorter arcs cannot distinguish the two.
 TURN_THAT_TELLS_RAD = 2.0
-NEGLIGIBLE = 1e-4  # weight below which a component of the mixture cannot move a 95 % bound
+NEGLIGIBLE = 1e-4  # weight below which a noise model cannot move a 95 % bound
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """One noise model: correlation per frame interval, white share of the variance, turning with the image or not."""
+    """One noise model: correlation per frame interval, white share of the variance, rotating with the image or not."""
 
     correlation: float
     white_share: float
@@ -48,7 +48,7 @@ def noise_models(turned_rad: float, duration: float) -> tuple[NoiseModel, ...]:
     models = [NoiseModel(0.0, 0.0, in_image=False)]
     for in_image in (False, True) if turned_rad > TURN_THAT_TELLS_RAD else (False,):
         for share, times in SEEN_CORRELATION_TIMES.items():
-            # A correlation under 0.2 beneath as much white noise is white for every purpose.
+            # A correlation below 0.2 under as much white noise is practically white.
             seen = (np.exp(-times / duration) >= CORRELATIONS) & (abs(CORRELATIONS) > (0.2 if share else 1e-9))
             models += [NoiseModel(float(r), share, in_image) for r in CORRELATIONS[seen]]
     return tuple(models)
@@ -125,12 +125,12 @@ def averaged_least_squares(block: Block) -> Averaged:
 def averaged_over_blocks(blocks: tuple[Block, ...]) -> tuple[Averaged, ...]:
     """Solve blocks with separate parameters and common noise, including its scale.
 
-    Raises ValueError where there are no more data than parameters.
+    Raises ValueError if there are no more data than parameters.
     """
     freedom = sum(block.freedom for block in blocks)
     if freedom < 1:
         raise ValueError("more parameters than data")
-    # Together the blocks tell noise apart that a single one of them could not.
+    # All blocks together distinguish noise models that a single one cannot.
     turned = sum(float(np.ptp(block.heading_rad)) for block in blocks)
     models = noise_models(turned, sum(float(block.time[-1] - block.time[0]) for block in blocks))
     solved = [_solved(block, models) for block in blocks]
@@ -154,7 +154,7 @@ class _Solved:
 
 
 def _solved(block: Block, models: tuple[NoiseModel, ...]) -> _Solved:
-    """Least squares under each model, and the part of the restricted likelihood that does not hold the scale."""
+    """Least squares under each model, and the part of the restricted likelihood without the scale."""
     n, channels, parameters = block.design.shape
     orthonormal, triangle = np.linalg.qr(block.design.reshape(n * channels, parameters))
     data: Array = np.concatenate([orthonormal.reshape(block.design.shape), block.residual[:, :, None]], axis=2)
@@ -182,7 +182,7 @@ def _moments(time: Array, heading_rad: Array, data: Array, models: tuple[NoiseMo
 
 
 def _log_prior(models: tuple[NoiseModel, ...]) -> Array:
-    """Equal shares for noise in the image and on the body, WHITE_SHARES, and flat in Fisher's z within."""
+    """Equal prior for noise in the image and on the body, WHITE_SHARES, and flat in Fisher's z within these."""
     keys = [(m.white_share, m.in_image) for m in models]
     return np.array([np.log(WHITE_SHARES[key[0]] / keys.count(key)) for key in keys])
 
@@ -199,7 +199,7 @@ def responses(averaged: Averaged, block: Block, columns: Array) -> Array:
 
 
 def _mixture_quantile(level: float, weight: Array, center: Array, width: Array, freedom: float) -> float:
-    """Quantile of a mixture of Student distributions, between the least and the greatest of its members."""
+    """Quantile of a mixture of Student distributions, searched between the extreme quantiles of its members."""
     keep = weight > NEGLIGIBLE * weight.max()
     weight, center, width = weight[keep] / weight[keep].sum(), center[keep], np.maximum(width[keep], 1e-300)
     ends = center + width * float(special.stdtrit(freedom, level))
@@ -208,7 +208,7 @@ def _mixture_quantile(level: float, weight: Array, center: Array, width: Array, 
     def excess(value: float) -> float:
         return float(weight @ special.stdtr(freedom, (value - center) / width)) - level
 
-    if excess(low) >= 0:  # within rounding: the members agree
+    if excess(low) >= 0:  # the members agree within rounding
         return low
     if excess(high) <= 0:
         return high

@@ -1,10 +1,10 @@
 """Steady planar motion: circle, straight line and turn on the spot as one model, fitted to poses without a singularity.
 
-A body in a steady turn keeps its velocity in its own frame, so its poses lie on a one-parameter subgroup of the planar
-motions: pose(t) = start · exp(t · twist), twist = (v_x, v_y, yaw rate). How fast the body moves along it is left free,
-frame by frame; only the direction of the twist is estimated. Position and heading both speak: the heading gained per
-length of path tells the curvature to first order in the angle turned, the bend of the path only to second, so short
-arcs gain most over a circle fit. Headings are scaled by length_mm, which makes position and heading noise alike.
+A body in a steady turn has a constant velocity in its own frame, so that its poses lie on a one-parameter subgroup of
+the planar motions: pose(t) = start · exp(t · twist), twist = (v_x, v_y, yaw rate). The speed along it is free in every
+frame; only the direction of the twist is estimated. Position and heading both contribute: the heading gained per path
+length gives the curvature to first order in the angle turned, the bend of the path only to second order, so that short
+arcs gain most over a circle fit. Headings are scaled by length_mm, which gives position and heading equal noise.
 
 Coordinates: (x, y, length · heading), mm. Algebra of SE(2): Murray, Li and Sastry, Robotic Manipulation (1994), chapter
 2.
@@ -29,8 +29,9 @@ class SteadyMotion:
     """A fitted one-parameter motion and its linearisation.
 
     start: (3,) pose at parameter 0, (x, y, length · heading). twist: (3,) of unit length in the same units, body frame.
-    along_mm: (n,) parameter of every frame. residual_mm: (n, 2) deviation across the motion, in `across`, (3, 2), the
-    orthonormal complement of the twist. design: (n, 2, 4) derivative of the prediction by (start across, twist across).
+    along_mm: (n,) parameter of every frame. residual_mm: (n, 2) deviation across the motion, in the basis `across`, (3,
+    2), the orthonormal complement of the twist. design: (n, 2, 4) derivative of the prediction by (start across, twist
+    across).
     """
 
     length_mm: float
@@ -53,7 +54,7 @@ def fit_steady_motion(
     """Fit the motion by Gauss-Newton least squares.
 
     pose: (n, 3) of x, y in mm and unwrapped heading in rad, no NaN. weight: (n, 2, 2) inverse covariance of the
-    deviation across the motion (any scale); frames of weight zero are only predicted. near: where to begin.
+    deviation across the motion (any scale); frames with weight zero are only predicted. near: initial value.
     """
     scaled = pose * np.array([1.0, 1.0, length_mm])
     if near is None:
@@ -85,10 +86,11 @@ def moved(motion: SteadyMotion, step: Array) -> tuple[Array, Array]:
 def bend_design(motion: SteadyMotion, offset_mm: Array) -> Array:
     """Derivative (n, 2, 2) of the prediction by a change of curvature along the path, in rad per mm of parameter.
 
-    offset_mm: place of the motion's point in the body frame; the curvature is that of the body's centre.
+    offset_mm: position of the motion's point in the body frame; the curvature is that of the body's centre.
 
-    The two columns are Legendre polynomials of first and second degree over the stretch: neither changes the mean
-    curvature. A turn dφ made at an earlier place moves a later pose crosswise, by dφ times the distance.
+    The two columns are Legendre polynomials of first and second degree over the interval, which leave the mean
+    curvature unchanged. An additional turn dφ at an earlier position moves a later pose sideways by dφ times the
+    distance.
     """
     order = np.argsort(motion.along_mm, kind="stable")
     along = motion.along_mm[order]
@@ -96,7 +98,7 @@ def bend_design(motion: SteadyMotion, offset_mm: Array) -> Array:
     share = 2 * (along - along[0]) / span - 1
     length, turn = motion.length_mm, along * motion.twist[2] / motion.length_mm
     velocity = np.array([motion.twist[0] + 1j * motion.twist[1]])
-    # Places of the motion as complex numbers, from parameter 0; its start drops out in the body frame.
+    # Positions on the motion as complex numbers, relative to parameter 0; its start cancels in the body frame.
     rate = motion.twist[2] / length
     place = velocity * along * np.exp(0.5j * turn) * np.sinc(rate * along / 2 / np.pi)
     center = place - np.exp(1j * turn) * (offset_mm[0] + 1j * offset_mm[1])
@@ -119,7 +121,7 @@ def _solved(normal: Array, right: Array) -> Array:
 
 
 def _first_guess(scaled: Array, length: float, used: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Start and twist from linear relations, good enough for Gauss-Newton."""
+    """Start and twist from linear relations, as initial values of Gauss-Newton."""
     there = scaled[used]
     heading = there[:, 2] / length
     middle = len(there) // 2

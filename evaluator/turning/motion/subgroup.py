@@ -54,9 +54,9 @@ def linearise(
 ) -> tuple[Array, Array, Array]:
     """Closest points on the motion, deviations across it and their derivatives.
 
-    scaled: (n, 3) measured poses; start, twist: (3,); along: (n,) first guess of the closest points; across: (3, 2).
+    scaled: (n, 3) measured poses; start, twist: (3,); along: (n,) initial values of the closest points; across: (3, 2).
     Returns along (n,), deviation (n, 2), and the derivative of the prediction (n, 2, 4) by start and twist, both
-    across. Moving the start shifts a later pose by Ad(exp(-along · twist)); turning the twist, by the integral of that.
+    across. A change of the start shifts a later pose by Ad(exp(-along · twist)); a change of the twist by its integral.
     """
     n = len(scaled)
     found, residual, design = np.empty(n), np.empty((n, 2)), np.empty((n, 2, 4))

@@ -1,9 +1,8 @@
 """Whitening of noise that is correlated in time, in one pass: a Kalman filter as compiled kernel.
 
-Noise model: a stationary process that forgets by a factor per frame interval (Ornstein and Uhlenbeck 1930), plus a
-white share. Tracking errors are fixed to the image, and a turning body sees them turn: the process may therefore
-rotate with the heading, of which each channel shows one component. Gaps need no filling. Cost: linear in frames and
-columns.
+Noise model: a stationary process with exponential correlation (Ornstein and Uhlenbeck 1930), plus a white share.
+Tracking errors are fixed to the image, which rotates relative to a turning body: the process may therefore rotate with
+the heading, and each channel shows one component. Gaps need no filling. The cost is linear in frames and columns.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ def whitened_moments(
     log_spread = 0.0
     for i in range(n):
         if i > 0:
-            # Most steps are of one interval, and half of the models do not turn: a power or a cosine takes as long
-            # as all the rest.
+            # Most steps are of one interval, and half of the models do not rotate: a power or a cosine would take as
+            # long as all the rest.
             fade = abs(correlation) if steps[i - 1] == 1.0 else abs(correlation) ** steps[i - 1]
             if correlation < 0 and round(steps[i - 1]) % 2 == 1:
                 fade = -fade
