@@ -8,8 +8,8 @@ import sys
 
 __all__ = ["main"]
 
-# Python looks for garbage after every 700 new objects; imports and compiling make a hundred thousand that stay, and
-# looking through them again and again took an eighth of the processor time of a short command.
+# Python collects garbage after every 700 new objects. Imports and compilation create a hundred thousand permanent ones;
+# examining them again and again took an eighth of the processor time of a short command.
 NEW_OBJECTS = 50_000
 
 
@@ -21,7 +21,7 @@ def main() -> None:
         sys.exit(run_in_child(sys.argv[1:]))
     if CHILD in os.environ:
         live_as_child()
-        del os.environ[CHILD]  # what this process starts in its turn is no child of that parent
+        del os.environ[CHILD]  # processes started from here are not children of that parent
     gc.set_threshold(NEW_OBJECTS)
     from evaluator.cli.failures import run_safely
     from evaluator.cli.group import turnscope

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from evaluator.workflow import Analysis
 
-MOST_NAMED = 6  # runs in a remark that many share
-WHOLE_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?!\.?\w)")  # in words; not a part of the name of a file or a run
-SOME_FAILED = 1  # exit status: results for the good runs, a reason for each of the others
+MOST_NAMED = 6  # runs that are named in a note common to many
+WHOLE_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?!\.?\w)")  # a number that is not part of the name of a file or run
+SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
 results for the others); 2, the input cannot be used."""
@@ -71,8 +71,8 @@ def compare(options: BatchOptions) -> int:
     return status_of(found)
 
 
-def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
-    """Analyse with a progress bar, and print to standard error why runs are missing."""
+def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -> Analysis:
+    """Analyse with a progress bar, and print to standard error why runs are missing, and the notes of the others."""
     from evaluator.workflow import analyze as analyze_experiment
 
     with progress_bar("runs", quiet=options.quiet) as progress:
@@ -93,7 +93,7 @@ def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
             f"{named} changed during the analysis; the results are of the earlier content: run the command again",
             err=True,
         )
-    if not options.quiet:
+    if notes and not options.quiet:
         for note, runs in runs_by_note(found.notes).items():
             named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
             click.echo(f"note: {named}: {note}", err=True)
@@ -101,10 +101,10 @@ def run_analysis(options: BatchOptions, *, simulate: bool) -> Analysis:
 
 
 def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Runs that share each remark, in the order of the first.
+    """Runs with each note, in the order of their first runs.
 
-    A remark that differs from run to run by its numbers alone, and would fill the screen, is made once, with their
-    ranges.
+    Notes of more than MOST_NAMED runs that differ in their numbers only are combined into one with the ranges of the
+    numbers.
     """
     kinds: dict[str, list[tuple[str, str]]] = {}
     for run, said in notes.items():
@@ -120,7 +120,7 @@ def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
 
 
 def _with_ranges(notes: Sequence[str]) -> str:
-    """Remarks that differ by their numbers alone, as one."""
+    """Notes that differ in their numbers only, as one note."""
     numbers = zip(*(WHOLE_NUMBER.findall(note) for note in notes), strict=True)
     ends = [(min(item, key=float), max(item, key=float)) for item in numbers]
     ranges = iter([low if low == high else f"{low} to {high}" for low, high in ends])
@@ -153,7 +153,7 @@ def print_json(table: pd.DataFrame) -> None:
 
 
 def turning_text(found: Analysis, *, verbose: bool) -> str:
-    """What was measured, for a terminal."""
+    """Text table of the measured runs."""
     from evaluator.cli.tables import text_table
     from evaluator.report.numbers import command_text, number, true_minus
 
@@ -172,7 +172,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
 
 
 def comparison_text(found: Analysis, *, verbose: bool) -> str:
-    """Measured beside simulated, for a terminal."""
+    """Text table of measured and simulated runs."""
     from evaluator.cli.tables import text_table
     from evaluator.report.numbers import UNKNOWN, command_text, number
 
@@ -191,15 +191,15 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
 
 
 def name_of(row: Mapping[Hashable, Any]) -> str:
-    """The run of a row, with the number of its phase where it has several."""
+    """The run of a row, with the number of its phase if it has several."""
     phase = row.get("phase", math.nan)
     return f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
 
 
 def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
-    """Radius of a row of turning.csv and its interval; a word where there is none."""
+    """Radius of a row of turning.csv and its interval; a word if it has none."""
     low, high = row["radius_low_mm"], row["radius_high_mm"]
-    if math.isfinite(row["radius_mm"]) and abs(row["turned_deg"]) > 1:  # less is straight to the eye
+    if math.isfinite(row["radius_mm"]) and abs(row["turned_deg"]) > 1:  # a smaller turn looks straight
         return f"{row['radius_mm']:.3f}", f"{low:.3f} to {high:.3f}"
     straight = math.isfinite(row["radius_mm"]) or str(row["radius_status"]).startswith("straight")
     return "straight" if straight else "–", ""

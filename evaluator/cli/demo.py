@@ -77,7 +77,8 @@ def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bo
 
     if not quiet:
         click.echo("Puzzle: recordings of a robot with an effect that its model lacks, and with mistakes in the file.")
-    measured = run_analysis(BatchOptions(experiment, out, workers, quiet=quiet), simulate=True)
+    options = BatchOptions(experiment, out, workers, quiet=quiet)
+    measured = run_analysis(options, simulate=True, notes=False)  # the diagnosis reports mistakes
     with progress_bar("diagnosis", quiet=quiet) as progress:
         found = diagnose(experiment, out, workers=workers, progress=progress)
     if not quiet:

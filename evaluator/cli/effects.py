@@ -14,7 +14,7 @@ from evaluator.cli.options import PATH, json_option
 if TYPE_CHECKING:
     from simulator.effects.definition import Effect
 
-WIDTH = 100  # of the lines of a list, in a terminal that is as wide
+WIDTH = 100  # largest width of the lines of a list, characters
 
 
 @click.command(

@@ -1,4 +1,4 @@
-"""What the user sees when something is wrong: one sentence, exit status 2, no traceback."""
+"""Errors as the user sees them: one sentence, exit status 2, no traceback."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _printable_streams() -> Iterator[None]:
 
 
 def _sentence(error: ValueError | OSError | MemoryError) -> str | None:
-    """Text of an error the user caused; None for a defect of ours, whose traceback we want to see."""
+    """Text of an error that the user caused; None for a defect of turnscope, which shows its traceback."""
     from calibration.errors import CalibrationError
     from evaluator.errors import InputError
     from simulator.errors import SimulationError
@@ -51,6 +51,6 @@ def _sentence(error: ValueError | OSError | MemoryError) -> str | None:
         return f"more memory is needed than this machine gives ({error}); is a size in one of the files too large?"
     if isinstance(error, (CalibrationError, SimulationError, InputError)):
         return str(error)
-    if isinstance(error, OSError) and error.strerror:  # the system's word: a disk that is full, a folder that is closed
+    if isinstance(error, OSError) and error.strerror:  # words of the system, for a full disk or a protected folder
         return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
     return None

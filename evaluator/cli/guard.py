@@ -1,7 +1,7 @@
-"""Commands that read recordings, images and binary tables work in a child process that may die.
+"""Commands that read recordings, images and binary tables run in a child process, which may crash.
 
 The libraries that decode them (FFmpeg, OpenCV, HDF5) are native: a damaged file can crash the process that reads it,
-which no `except` answers for. The process that the user started only waits, and says in one sentence what happened.
+and `except` does not catch this. The process that the user started waits, and reports a crash in one sentence.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-CHILD = "TURNSCOPE_CHILD"  # set in the environment of the child, so that it works itself
+CHILD = "TURNSCOPE_CHILD"  # environment variable that identifies the child
 READING = frozenset(
     "demo calibrate check-camera dots track turning analyze compare report export diagnose check selftest".split()  # noqa: SIM905
 )
-ONCE_S = 1.0  # a terminal interrupts parent and child, and the parent passes it on: within so long that is one
-WATCHED_S = 0.5  # how often a child looks whether its parent is still there
+ONCE_S = 1.0  # interrupts within this time are one: a terminal interrupts parent and child, and the parent forwards it
+WATCHED_S = 0.5  # interval at which a child checks whether its parent still runs
 BAD_INPUT, INTERRUPTED = 2, 130
-FIRST_FATAL_ON_WINDOWS = 0xC0000000  # exit codes from here on are exceptions of the system, such as access violations
+FIRST_FATAL_ON_WINDOWS = 0xC0000000  # larger exit codes are exceptions of the system, such as access violations
 
 
 def needs_child(arguments: Sequence[str]) -> bool:
-    """Whether a command line is to be run in a child process; not where it only asks for help."""
+    """Whether a command line runs in a child process; a request for help does not."""
     return (
         bool(arguments)
         and arguments[0] in READING
@@ -37,7 +37,7 @@ def needs_child(arguments: Sequence[str]) -> bool:
 
 
 def run_in_child(arguments: Sequence[str]) -> int:
-    """Run a command line in a child process; gives its exit status, 2 with one sentence where it crashed."""
+    """Run a command line in a child process; returns its exit status, 2 with one sentence if it crashed."""
     root = str(Path(__file__).resolve().parents[2])
     # Not "-m": that would import whatever lies in the user's folder under a name that turnscope imports.
     code = (
@@ -47,13 +47,13 @@ def run_in_child(arguments: Sequence[str]) -> int:
 
 
 def wait_for(command: Sequence[str], what: str) -> int:
-    """Run a command to its end, passing on interrupts; what: the command in the words of the user."""
+    """Run a command to its end and forward interrupts; what: the command as the user typed it."""
     passed_on: list[int] = []
 
     def pass_on(number: int, frame: object) -> None:
         del frame
         passed_on.append(number)
-        if child is not None and sys.platform != "win32":  # there the system tells every process of the console
+        if child is not None and sys.platform != "win32":  # Windows interrupts every process of the console
             child.send_signal(number)
 
     child: subprocess.Popen[bytes] | None = None
@@ -75,7 +75,7 @@ def wait_for(command: Sequence[str], what: str) -> int:
 
 
 def crash_sentence(status: int, what: str) -> str:
-    """What to say of a process that died with this status."""
+    """Message for a process that crashed with this status."""
     names = {-number: number.name for number in signal.Signals}
     cause = names.get(status, f"status {status:#x}")
     if cause == "SIGKILL":
@@ -89,7 +89,7 @@ def crash_sentence(status: int, what: str) -> str:
 
 
 def live_as_child() -> None:
-    """In the child: take two interrupts at once as one, and end when the parent is gone."""
+    """In the child: treat two interrupts at once as one, and end when the parent has ended."""
     last = -ONCE_S
 
     def interrupt(number: int, frame: object) -> None:
@@ -104,6 +104,6 @@ def live_as_child() -> None:
 
 
 def _watch(parent: int) -> None:
-    while sys.platform == "win32" or os.getppid() == parent:  # Windows does not tell
+    while sys.platform == "win32" or os.getppid() == parent:  # Windows keeps the number of an ended parent
         time.sleep(WATCHED_S)
     os._exit(1)

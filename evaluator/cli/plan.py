@@ -96,7 +96,7 @@ def plan(
     from evaluator.workflow import planned_files, write_plan
 
     if output is not None:
-        planned_files(output, runs)  # what is there already is refused before the plan is computed
+        planned_files(output, runs)  # existing files are refused before the plan is computed
     found = plan_experiment(robot, runs, rpm=levels, plate_mm=plate)
     written = write_plan(found, robot, output) if output is not None else None
     if as_json:

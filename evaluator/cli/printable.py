@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from typing import Any, TextIO
 
-# Control characters but tab and line feed (C0, delete, C1), marks that turn the direction of writing, and halves of
-# characters, as which file names that are not UTF-8 arrive.
+# Control characters except tab and line feed (C0, delete, C1), marks that change the direction of writing, and halves
+# of characters, which represent file names that are not UTF-8.
 UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def printable(text: str) -> str:
-    """Write what is not printable as its code, as Python writes it: a backslash, x1b for an escape character."""
+    """Replace unprintable characters by their codes as in Python: a backslash and x1b for an escape character."""
     return UNPRINTABLE.sub(lambda found: found.group().encode("unicode_escape").decode("ascii"), text)
 
 
@@ -19,11 +19,11 @@ class Printable:
     """A text stream that writes through `printable`; `original` is the stream itself."""
 
     def __init__(self, original: TextIO) -> None:
-        """original: the stream written to; a character that its encoding lacks is written as its code, too."""
+        """original: the stream to write to; characters that its encoding lacks are written as their codes, too."""
         self.original = original
 
     def write(self, text: str) -> int:
-        """Write text; gives how many characters of it were written."""
+        """Write text; returns the number of characters."""
         encoding = getattr(self.original, "encoding", None) or "utf-8"
         self.original.write(printable(text).encode(encoding, "backslashreplace").decode(encoding))
         return len(text)
@@ -34,5 +34,5 @@ class Printable:
             self.write(line)
 
     def __getattr__(self, name: str) -> Any:
-        """Give everything else of the stream itself."""
+        """All other attributes are those of the stream."""
         return getattr(self.original, name)

@@ -11,9 +11,9 @@ from evaluator.progress import Progress, no_progress
 
 @contextmanager
 def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Progress]:
-    """Show a bar named what, with the stage the work is in, while the block runs; yields the Progress to report to.
+    """Show a bar with a name and the current stage while the block runs; yields its Progress.
 
-    Silent (the yielded function does nothing) where standard error is not a terminal, or where quiet.
+    Without a terminal on standard error, or if quiet, the yielded Progress does nothing.
     """
     if quiet or not sys.stderr.isatty():
         yield no_progress
@@ -33,7 +33,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Progress]:
         task = shown.add_task(what, total=None, count="")
 
         def report(stage: str, done: float, total: float = 1.0, /) -> None:
-            # One is the whole where work tells its share; where it counts, the count is shown.
+            # A total of 1 means that work reports its share; larger totals are counts.
             count = f"{done:.0f}/{total:.0f}" if total > 1 else f"{done / total:.0%}" if total else f"{done:.0f}"
             described = what if stage in what else f"{what}: {stage}"
             shown.update(task, completed=done, total=total or None, count=count, description=described)
