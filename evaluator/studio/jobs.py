@@ -17,7 +17,7 @@ from typing import Any
 from evaluator.files import write_text
 from evaluator.studio.folder import Folder
 from evaluator.studio.work import carry_out
-from evaluator.workflow import PROCESSES, Outputs, files_named, out_folder
+from evaluator.workflow import PROCESSES, Outputs, available_cores, files_named, out_folder
 
 JOURNAL = ".turnscope-studio.json"
 TAKEN_UP = ("analyse", "diagnose")  # resumed after a restart; others in the file are ignored, as it may be forged
@@ -39,6 +39,7 @@ class Job:
     share: float = 0.0
     outdated: dict[str, list[str]] = field(default_factory=dict)
     finished: list[str] = field(default_factory=list)
+    working: list[str] = field(default_factory=list)  # runs that are being analysed, on one core each
     summary: dict[str, Any] = field(default_factory=dict)
     sentence: str = ""
     began: float = 0.0
@@ -183,8 +184,10 @@ class Jobs:
             if kind == "progress":
                 job.stage, job.share = value
                 job.finished = self._finished(job)
+                job.working = _first_unfinished(job)
             elif kind == "outdated":
                 job.outdated = value
+                job.working = _first_unfinished(job)
             elif not (self._closing and kind == "cancelled"):
                 job.state = job.wish if kind == "cancelled" else kind
                 job.state = job.state or "cancelled"
@@ -205,3 +208,9 @@ class Jobs:
             return path.is_file() and path.stat().st_mtime >= job.began
 
         return [run for run, steps in job.outdated.items() if steps and done(run)]
+
+
+def _first_unfinished(job: Job) -> list[str]:
+    """The runs that are being analysed: workers take them in the order of the experiment."""
+    waiting = [run for run, steps in job.outdated.items() if steps and run not in job.finished]
+    return waiting[: available_cores()]

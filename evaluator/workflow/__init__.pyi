@@ -52,6 +52,7 @@ from .editing.values import robot_values as robot_values
 from .editing.values import set_gauge_value as set_gauge_value
 from .editing.values import set_robot_value as set_robot_value
 from .execution.machine import PROCESSES as PROCESSES
+from .execution.machine import available_cores as available_cores
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder
 from .frames.decoder import Wanted as Wanted

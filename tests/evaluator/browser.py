@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -11,6 +12,7 @@ import pytest
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 WAITS_MS = 60_000  # for what a page shows; six times as slow a processor needed 20 s, compiling apart
+DEFECT = re.compile(r"Content Security Policy|^(Reference|Type|Range|Syntax)Error")  # in the console
 OpenPage = Callable[..., AbstractContextManager[Any]]
 
 
@@ -43,7 +45,7 @@ def _page_of(browser: Any, link: str, width: int = 1440, color_scheme: str = "li
         page, faults = context.new_page(), []
         page.set_default_timeout(WAITS_MS)
         page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("console", lambda line: faults.append(line.text) if "Content Security Policy" in line.text else None)
+        page.on("console", lambda line: faults.append(line.text) if DEFECT.search(line.text) else None)
         page.goto(link)
         try:
             yield page

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from evaluator.studio.jobs import Job, _first_unfinished
 from tests.evaluator.studio.serving import Serving, serving
 from tests.evaluator.synthetic import three_runs
 from tests.waiting import HANGS_S
@@ -109,3 +110,10 @@ def test_a_journal_by_someone_else_starts_nothing(folder: Path) -> None:
     (folder / ".turnscope-studio.json").write_text(json.dumps(journal))
     with serving(folder) as studio:
         assert jobs(studio) == []
+
+
+def test_runs_being_analysed_are_the_first_unfinished_ones_one_on_each_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluator.studio.jobs.available_cores", lambda: 2)
+    outdated = {"r1": ["tracking"], "r2": [], "r3": ["radius"], "r4": ["tracking"], "r5": ["tracking"]}
+    job = Job(1, "analyse", "experiment.toml", outdated=outdated, finished=["r3"])
+    assert _first_unfinished(job) == ["r1", "r4"]

@@ -33,7 +33,7 @@ export async function get(path, signal) {
   return (await asked(path, { signal })).json();
 }
 
-// Asks, and shows the answer, unless a later question was asked meanwhile: answers may overtake each other.
+// Returns a function that asks and shows the answer, unless a later question was asked meanwhile: answers may arrive in another order.
 export function latest(ask, show) {
   let asked = 0;
   return async (...what) => {

@@ -1,4 +1,4 @@
-// Which screen is shown. Addresses: #/, #/camera, #/sandbox, and #/x/EXPERIMENT/SCREEN for all but the first.
+// The screen that is shown. Addresses: #/, #/camera, #/sandbox, and #/x/EXPERIMENT/SCREEN for all but the first.
 
 import { fill, h } from "./dom.js";
 import { get, GONE, Refused } from "./api.js";
@@ -40,7 +40,7 @@ async function show() {
     if (signal.aborted) return;
     const view = h("div", { class: `screen ${screen}` }, h("p", { class: "soft", role: "status" }, "…"));
     fill(main, view);
-    main.focus({ preventScroll: true }); // before the screen is complete: whoever has gone on by then keeps the place
+    main.focus({ preventScroll: true }); // now, because a user may have moved the focus when the screen is complete
     window.scrollTo(0, 0);
     await module.show(view, { id, rest, signal });
     if (signal.aborted) return;

@@ -1,7 +1,7 @@
-// The Camera screen: gauge images with the dots found, calibration, verdict, and where how well the plate is known.
+// The Camera screen: gauge images with the dots found, calibration, verdict, and a map of the uncertainty on the plate.
 
 import { get, latest, post } from "./api.js";
-import { color, counted, fill, fixed, h, num, surface } from "./dom.js";
+import { color, counted, fill, fixed, h, num, pen, surface } from "./dom.js";
 import { outline_dots } from "./dots.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { live_camera } from "./live.js";
@@ -9,12 +9,12 @@ import { say } from "./say.js";
 import { undoing } from "./undo.js";
 import { values_form } from "./values.js";
 
-const SOFT_EDGE = 2.5; // px of blur from which on an image is out of focus
-const ENOUGH = 3; // images from which on a calibration is tried after each: fewer do not determine a lens
+const SOFT_EDGE = 2.5; // px: larger blur is out of focus
+const ENOUGH = 3; // images after which each further one starts a calibration: fewer do not determine a lens
 
 export async function show(view, { id, rest, signal }) {
   const known = new Map(); // dots by image
-  const choice = { seen: new Set(), chosen: new Set(), plate: null, again: false }; // of images, also when they are listed anew
+  const choice = { seen: new Set(), chosen: new Set(), plate: null, again: false }; // of images; survives a new list
   const place = h("div"), live = h("div");
   fill(view, h("div", { class: "stack" }, h("div", {}, h("p", { class: "kind" }, "Camera"), h("h1", {}, "Camera calibration")), live, place));
   fill(place, h("p", { class: "soft", role: "status" }, "Looking for gauges, images and cameras …"));
@@ -66,8 +66,8 @@ function nearest(gauges, experiment) {
   return gauges.filter((one) => within(folder, one.folder)).sort((a, b) => b.folder.length - a.folder.length)[0];
 }
 
-// Images beside a gauge and in the folders around it, as gauge images often lie with the recordings of several
-// experiments; where there are none, all images of the studio's folder.
+// Images beside a gauge and in its parent folders, because gauge images often lie with the recordings of several
+// experiments; if there are none, all images of the studio's folder.
 const NAMED = /gauge/i;
 function candidates(images, gauge) {
   const around = images.filter((one) => within(gauge.folder, one.folder));
@@ -101,7 +101,7 @@ function bench({ found, gauge, solved }, { known, choice, signal, shown: first, 
   }, signal, { class: "film", role: "img", "aria-label": "Image of the gauge with the dots found in it" });
   image.onload = view.redraw;
 
-  // Rows are made once and then only told what is new: who works by keyboard keeps the place.
+  // Rows are made once and then updated, so that the focus stays for users of the keyboard.
   const made = new Map();
   const rows = () => {
     for (const [one, { row, count }] of made) {
@@ -133,11 +133,11 @@ function bench({ found, gauge, solved }, { known, choice, signal, shown: first, 
     const ids = images.filter((one) => chosen.has(one.id)).map((one) => one.id);
     if (!ids.includes(choice.plate)) { say("Choose which image shows the gauge lying on the plate."); return; }
     say("");
-    choice.again = Boolean(jobOf(gauge.id)); // which has begun without the latest choice
+    choice.again = Boolean(jobOf(gauge.id)); // a calibration with an earlier choice is running
     if (!choice.again) post(`/api/gauges/${gauge.id}/calibrate`, { images: ids, plate: ids.indexOf(choice.plate) }).catch(say);
   };
   if (shown) look(shown).then(async () => {
-    for (const one of images) { // the others meanwhile: the table says their dots, the live camera draws them
+    for (const one of images) { // meanwhile the other images, for the table and for the live camera
       if (known.has(one.id) || signal.aborted) continue;
       try { known.set(one.id, await get(`/api/images/${one.id}/dots`, signal)); rows(); said?.redraw(); } catch { continue; }
     }
@@ -166,7 +166,7 @@ function outline(context, corners, scale) {
   context.save();
   context.setLineDash([8, 5]);
   context.strokeStyle = "#ffd84d";
-  context.lineWidth = 2;
+  context.lineWidth = pen(2);
   context.beginPath();
   for (const [x, y] of corners) context.lineTo(x * scale, y * scale);
   context.closePath();

@@ -1,10 +1,10 @@
-// Curves over time, in step with the frame that is shown. uPlot draws them.
+// Curves over time with a line at the frame that is shown. uPlot draws them.
 
 /* global uPlot */
-import { color, h, labels, whenThemeChanges } from "./dom.js";
+import { color, h, labels, pen, whenThemeChanges } from "./dom.js";
 
 // lines: [{label, values, ink, dash}] over times; seek(time) is called for a click.
-// timed: whether the times are written below it, as below the last of several.
+// timed: whether times are written below it, as below the last of several plots.
 export function curvePlot(title, times, lines, { signal, seek, timed }) {
   const box = h("div", { class: "curve", role: "img", "aria-label": title });
   const rem = parseFloat(labels(1)), tall = () => box.clientHeight;
@@ -12,7 +12,7 @@ export function curvePlot(title, times, lines, { signal, seek, timed }) {
   const options = (width) => ({
     width, height: tall(), title: null, legend: { show: false }, cursor: { points: { show: false }, drag: { x: false, y: false } },
     scales: { x: { time: false } },
-    series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: 1.5, dash: line.dash, points: { show: false } }))],
+    series: [{}, ...lines.map((line) => ({ label: line.label, stroke: () => color(line.ink), width: pen(1.5), dash: line.dash, points: { show: false } }))],
     axes: [{ ...axis((value) => (timed ? `${value} s` : "")), size: (timed ? 1.7 : 0.5) * rem, space: 4 * rem }, { ...axis((value) => value), label: title, labelSize: 1.1 * rem, labelFont: labels(), size: 3.4 * rem, space: 1.4 * rem }],
   });
   const axis = (words) => ({

@@ -10,14 +10,14 @@ import { own_effects } from "./owneffects.js";
 import { undoing } from "./undo.js";
 
 const VERDICTS = { effect: "A missing effect was found", none: "No effect is missing", unknown: "An unknown effect is missing", insufficient: "The data cannot decide" };
-// The length of a bar, as a share of the longest; the rest is for its number.
+// Length of a bar as a share of the longest one, which leaves room for its number.
 const bar_of = (share) => ({ width: `calc((100% - 10.5rem) * ${Math.max(share, 0.008)})` });
 const MENDED = { reversed: "Turn both commands round", "sides-swapped": "Swap left and right" };
 
 export async function show(view, { id, signal }) {
   const undo = undoing("diagnosis", id, signal, () => load());
   let shown = null;
-  // A form in which somebody types stays when a job ends.
+  // A form in use stays when a job ends.
   const effects = (typing) => (typing && view.querySelector("#own-effects form") ? shown : own_effects(id, signal, undo.make, () => load()));
   const load = latest(
     ({ typing = false } = {}) => Promise.all([get(`/api/experiments/${id}/diagnosis`, signal), effects(typing)]),
@@ -129,12 +129,13 @@ function gaps(content) {
 }
 
 function rivals(content) {
-  const chosen = { effects: content.effects.map((one) => one.id), probability: Math.min(...content.effects.map((one) => one.probability), 1), log_odds: 0, reason: "the verdict" };
+  const words = content.verdict === "insufficient" ? "reference" : "verdict"; // without a verdict, the nominal model
+  const chosen = { effects: content.effects.map((one) => one.id), log_odds: 0, reason: `the ${words}` };
   const rows = [chosen, ...content.rivals];
   const lowest = Math.min(...rows.map((row) => row.log_odds), -1);
-  return h("section", { class: "card stack" }, h("h2", {}, "Alternatives"), h("p", { class: "small soft" }, "Bar: logarithm of the odds against it, relative to the verdict."),
+  return h("section", { class: "card stack" }, h("h2", {}, "Alternatives"), h("p", { class: "small soft" }, `Bar: logarithm of the odds against it, relative to the ${words}.`),
     rows.map((row) => h("div", {}, h("p", { class: "small" }, h("strong", {}, row.effects.join(" + ") || "no effect"), ` — ${row.reason}`),
-      h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: bar_of(Math.log1p(-row.log_odds) / Math.log1p(-lowest)) }), h("span", {}, row === chosen ? "verdict" : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
+      h("div", { class: "measure" }, h("i", { class: row === chosen ? "green" : "soft", style: bar_of(Math.log1p(Math.max(-row.log_odds, 0)) / Math.log1p(-lowest)) }), h("span", {}, row === chosen ? words : `${fixed(row.log_odds / Math.LN10, 1)} powers of ten`)))));
 }
 
 function known(content) {

@@ -1,4 +1,4 @@
-// Elements from plain values. Text is always text: nothing that comes from a file is ever read as HTML.
+// Elements from plain values. Text stays text: nothing that comes from a file is read as HTML.
 
 export function h(name, attributes = {}, ...children) {
   const element = document.createElement(name);
@@ -23,12 +23,12 @@ export function fill(parent, ...children) {
   return parent;
 }
 
-// What is drawn anew keeps the place of who works by keyboard: the same element, what bears its name, what stands where
-// it stood, or at least the part of the page.
+// After a part of the page is replaced, the focus moves to the same element, else to one of the same name, else to one at
+// the same place, else to the part itself, so that users of the keyboard can go on.
 const FOCUSABLE = ["a[href]", "button", "input", "select", "textarea", "summary", "[tabindex='0']"].map((one) => `${one}:not(:disabled)`).join();
 const nameOf = (element) => element.getAttribute("aria-label") ?? element.labels?.[0]?.textContent ?? element.textContent;
 const pathTo = (element, parent) => (element === parent ? [] : [...pathTo(element.parentElement, parent), [...element.parentElement.children].indexOf(element)]);
-let entered = null; // what has the focus, also once it was taken out of the page to be shown again
+let entered = null; // element that has the focus, also while it is out of the page
 document.addEventListener("focusin", (event) => { entered = event.target; });
 function replace(parent, nodes) {
   const taken = entered && !entered.isConnected ? entered : null, active = document.activeElement;
@@ -46,21 +46,21 @@ function replace(parent, nodes) {
   parent.focus({ preventScroll: true });
 }
 
-// What a press began on stays until it is let go: a browser drops the click on a button that was replaced meanwhile.
+// A part in which the pointer is pressed is replaced after the release: browsers drop the click on a replaced button.
 let pressed = null;
-const held = new Map(); // what is to be shown then, by parent
+const held = new Map(); // new content by parent
 const let_go = () => {
   pressed = null;
   for (const [parent, nodes] of held) replace(parent, nodes);
   held.clear();
 };
-const OWN_PRESS = "select, input"; // what these open takes the end of the press for itself
+const OWN_PRESS = "select, input"; // their popups consume the release
 window.addEventListener("pointerdown", (event) => { pressed = event.button === 0 && !event.target.closest(OWN_PRESS) ? event.target : null; }, true);
-window.addEventListener("click", () => { pressed = null; }, true); // what the click itself shows is shown at once
+window.addEventListener("click", () => { pressed = null; }, true); // content shown by the click itself is not delayed
 for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, () => setTimeout(let_go), true);
 window.addEventListener("blur", let_go);
 
-// A number for people: as many digits as asked for, a true minus sign, a dash where it is not known.
+// A number as text: with some digits, a true minus sign, and a dash if it is unknown.
 export function num(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(Number(value))) return "–";
   const text = Number(value).toPrecision(digits);
@@ -70,24 +70,30 @@ export function num(value, digits = 3) {
 export const fixed = (value, decimals) =>
   value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(decimals).replace("-", "−");
 
-// A value and its 95 % bounds with as many decimals as their distance bears, as the report writes them.
+// A value and its 95 % bounds with as many decimals as the interval justifies, as in the report.
 export function withBounds({ value, low, high }) {
   if (![value, low, high].every(Number.isFinite) || high <= low) return [value, low, high].map((one) => num(one));
   const decimals = Math.max(0, -Math.floor(Math.log10((high - low) / 4)));
   return [value, low, high].map((one) => fixed(Math.abs(one) < 0.5 / 10 ** decimals ? 0 : one, decimals));
 }
 
-// A length: in µm, from ten millimetres on, which only large robots miss, in mm.
+// A length: in µm, or in mm from ten millimetres on (large robots).
 export const length = (mm) => (mm >= 10 ? `${num(mm)} mm` : `${num(1000 * mm)} µm`);
 
 export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
-// A colour of the theme; asked for once, as the question costs the layout of the page.
+// A colour of the theme; cached, because reading it costs a layout of the page.
 const colors = new Map();
 export function color(name) {
   if (!colors.has(name)) colors.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
   return colors.get(name);
 }
+
+// A width or radius on a canvas, px at the usual size of text. It grows with the text, so that lines stay visible on large screens.
+const USUAL_FONT_PX = 15; // of a window 1366 px wide, by the rule for html in base.css
+let growth = 0; // 0: to be measured again
+window.addEventListener("resize", () => { growth = 0; });
+export const pen = (px) => px * (growth ||= parseFloat(getComputedStyle(document.documentElement).fontSize) / USUAL_FONT_PX);
 
 // The font of labels on a canvas: it grows with the page.
 export function labels(share = 0.74) {
@@ -96,7 +102,7 @@ export function labels(share = 0.74) {
 }
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
-dark.addEventListener("change", () => colors.clear()); // before all that draw anew
+dark.addEventListener("change", () => colors.clear()); // first of all listeners
 export function whenThemeChanges(redraw, signal) {
   dark.addEventListener("change", redraw, { signal });
 }
@@ -106,7 +112,7 @@ export function surface(draw, signal, attributes = {}) {
   const canvas = h("canvas", attributes);
   let width = 0, height = 0;
   const redraw = () => {
-    if (!width || !height || signal.aborted) return; // the images of a screen that was left are closed
+    if (!width || !height || signal.aborted) return; // images of a screen that was left are closed
     const scale = window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
       canvas.width = Math.round(width * scale);

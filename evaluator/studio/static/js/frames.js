@@ -1,4 +1,4 @@
-// Frames of one recording: exact ones by number, the nearest key frame while dragging, and whole stretches to play.
+// Frames of one recording: exact ones by number, the nearest key frame while dragging, and sequences for playing.
 
 import { bytes, get, Refused } from "./api.js";
 
@@ -9,7 +9,7 @@ export class Frames {
   constructor(base, signal, drawn) {
     this.base = base;
     this.signal = signal;
-    this.drawn = drawn; // called with (number, bitmap, exact) of what is to be shown
+    this.drawn = drawn; // called with (number, bitmap, exact) of the frame to show
     this.bitmaps = new Map();
     this.wanted = null;
     this.asking = false;
@@ -23,7 +23,7 @@ export class Frames {
     this.times = found.time_s;
     this.keys = found.key_frames;
     [this.width, this.height] = found.size_px;
-    this.px = Math.min(this.width, 1920); // more is not seen in the page
+    this.px = Math.min(this.width, 1920); // the page shows no more
     const bytesEach = this.px * this.px * (this.height / this.width) * 4;
     this.most = Math.max(12, Math.floor(KEPT_BYTES / bytesEach));
     this.batch = Math.min(BATCH, Math.floor(this.most / 4));
@@ -40,7 +40,7 @@ export class Frames {
     return low;
   }
 
-  // Show a frame; near: its key frame will do for now. Only the last wish counts.
+  // Show a frame; near: its key frame suffices for now. Only the last request counts.
   show(index, near = false) {
     const there = this.bitmaps.get(index);
     this.wanted = { index, near };
@@ -78,7 +78,7 @@ export class Frames {
     if (exact >= 0) this.#beside(exact);
   }
 
-  // Have the frames beside one at hand, so that a step is shown at once; first the one in the direction of the last step.
+  // Fetch the frames beside one, so that a step is shown at once; first the one in the direction of the last step.
   async #beside(index) {
     const way = index < this.shown ? -1 : 1;
     this.shown = index;
@@ -86,12 +86,12 @@ export class Frames {
       if (this.fetching.size || this.asking || this.shown !== index) return;
       if (next < 0 || next >= this.count || this.bitmaps.has(next)) continue;
       this.fetching.add(next);
-      try { await this.#unpack(await bytes(`${this.base}/frames?first=${next}&count=1&px=${this.px}`, this.signal), index); } catch { return; } // it is asked for again when it is wanted
+      try { await this.#unpack(await bytes(`${this.base}/frames?first=${next}&count=1&px=${this.px}`, this.signal), index); } catch { return; } // fetched again when it is needed
       finally { this.fetching.delete(next); }
     }
   }
 
-  // Have the frames from a number on at hand for playing.
+  // Fetch the frames from a number on for playing.
   async ahead(index) {
     const first = index - (index % this.batch);
     for (const start of [first, first + this.batch]) {
@@ -111,7 +111,7 @@ export class Frames {
       if (!this.bitmaps.has(index)) decoded.push(createImageBitmap(new Blob([new Uint8Array(buffer, at + 8, length)], { type: "image/jpeg" })).then((bitmap) => this.#keep(index, bitmap, near)));
       at += 8 + length;
     }
-    await Promise.all(decoded); // side by side: the browser decodes on several threads
+    await Promise.all(decoded); // in parallel: browsers decode on several threads
   }
 
   #keep(index, bitmap, near) {

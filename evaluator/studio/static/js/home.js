@@ -1,4 +1,4 @@
-// The first screen: what there is in the folder, what is stale, and what to do first.
+// The first screen: contents of the folder, results that are out of date, and what to do first.
 
 import { get, latest, post } from "./api.js";
 import { counted, fill, h } from "./dom.js";

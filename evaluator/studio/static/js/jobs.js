@@ -1,4 +1,4 @@
-// Work under way, told by the server as it happens, and shown in a corner of every screen.
+// Current work, reported by the server, and shown in a corner of every screen.
 
 import { GONE, post, Refused } from "./api.js";
 import { fill, h } from "./dom.js";
@@ -10,12 +10,13 @@ let jobs = [];
 let known = null;
 
 const NAMES = { analyse: "Analysis", diagnose: "Diagnosis", samples: "Samples", calibrate: "Calibration" };
+const RESUMABLE = ["analyse", "diagnose"];
 const ENDED = ["done", "failed", "cancelled", "paused"];
 
 export const current = () => jobs;
 export const jobOf = (experiment) => jobs.find((job) => job.experiment === experiment && !ENDED.includes(job.state));
 
-// Called with all jobs, and those that have just ended.
+// listener: called with all jobs, and with those that have just ended.
 export function onJobs(listener, signal) {
   listeners.add(listener);
   signal?.addEventListener("abort", () => listeners.delete(listener));
@@ -52,7 +53,7 @@ function card(job) {
     running && h("div", { class: "bar", role: "progressbar", "aria-valuenow": percent, "aria-valuemin": 0, "aria-valuemax": 100, "aria-label": title }, h("i", { style: { width: `${percent}%` } })),
     h("div", { class: "row end" }, h("span", { class: `small ${job.state === "failed" ? "warn" : "soft"}` }, words),
       h("span", { class: "row", style: { gap: ".2rem" } },
-        running && job.kind !== "calibrate" && h("button", { class: "plain small", onclick: end("paused") }, "Pause"),
+        running && RESUMABLE.includes(job.kind) && h("button", { class: "plain small", onclick: end("paused") }, "Pause"),
         running && h("button", { class: "plain small", onclick: end("cancelled") }, "Cancel"),
         job.state === "paused" && h("button", { class: "plain small", onclick: again }, "Resume"),
         !running && h("button", { class: "plain small", onclick: () => { dismissed.add(job.number); draw(); } }, "Close"))));

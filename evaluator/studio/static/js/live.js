@@ -1,12 +1,12 @@
-// The live camera: what it shows with the dots in it, help to focus and to expose, and images taken from it.
+// The live camera: its image with the dots found, help with focus and exposure, and images taken from it.
 
 import { bytes, get, post } from "./api.js";
 import { counted, fill, h, num, surface } from "./dom.js";
 import { outline_dots } from "./dots.js";
 import { say } from "./say.js";
 
-// seen(): dots of the images that there are, drawn faintly: what is covered. take(source, calibrate): takes a new one, and
-// calibrates with it where that is wished.
+// seen(): dots of the existing images, drawn faintly to show what is covered. take(source, calibrate): takes an image, and
+// calibrates with it if requested.
 export async function live_camera(signal, { seen, take: take_from }) {
   const { cameras, files } = await get("/api/live", signal);
   const state = { on: false, bitmap: null, found: null, sharpest: Infinity, frames: 0, began: 0 };

@@ -1,7 +1,7 @@
-// How the Marks screen draws a frame: mask of the colour, blobs, centres, region, exclusions, corrections.
+// Drawing of a frame on the Marks screen: mask of the colour, blobs, centres, region, exclusions, corrections.
 
+import { pen } from "./dom.js";
 import { drawFrame, inkOf } from "./overlay.js";
-
 
 // A bitmap for the mask of each mark, tinted.
 export async function maskImages(seen) {
@@ -52,16 +52,17 @@ export function drawMarks(context, width, height, state, frames) {
 
 function circle(context, x, y, radius, ink, width) {
   context.strokeStyle = ink;
-  context.lineWidth = width;
+  context.lineWidth = pen(width);
   context.beginPath();
   context.arc(x, y, radius, 0, 7);
   context.stroke();
 }
 
-function cross(context, x, y, ink, reach) {
+function cross(context, x, y, ink, size) {
+  const reach = pen(size);
   for (const [stroke, width] of [["rgb(0 0 0 / .7)", 3.5], [ink, 1.5]]) {
     context.strokeStyle = stroke;
-    context.lineWidth = width;
+    context.lineWidth = pen(width);
     context.beginPath();
     context.moveTo(x - reach, y); context.lineTo(x + reach, y);
     context.moveTo(x, y - reach); context.lineTo(x, y + reach);
@@ -72,7 +73,7 @@ function cross(context, x, y, ink, reach) {
 function box(context, [x0, y0, x1, y1], scale, ink, dash, inside) {
   context.setLineDash(dash);
   context.strokeStyle = ink;
-  context.lineWidth = 2;
+  context.lineWidth = pen(2);
   if (inside) { context.fillStyle = inside; context.fillRect(x0 * scale, y0 * scale, (x1 - x0) * scale, (y1 - y0) * scale); }
   context.strokeRect(x0 * scale, y0 * scale, (x1 - x0) * scale, (y1 - y0) * scale);
   context.setLineDash([]);

@@ -1,9 +1,10 @@
-// The Marks screen: what the tracker sees, colours set by a click, region and exclusions drawn, frames corrected by hand.
+// The Marks screen: candidates of the tracker, colours set by a click, region and exclusions drawn, frames corrected by hand.
 
 import { get, post } from "./api.js";
-import { fill, fixed, h, num, surface } from "./dom.js";
+import { fill, fixed, h, num, pen, surface } from "./dom.js";
 import { Frames } from "./frames.js";
 import { drawMarks, maskImages } from "./markdrawing.js";
+import { inkOf } from "./overlay.js";
 import { pointing } from "./pointing.js";
 import { say } from "./say.js";
 import { undoing } from "./undo.js";
@@ -57,7 +58,7 @@ async function workbench(place, id, run, file, signal) {
     screen.redraw();
   };
 
-  // The latest wish only: a search takes a tenth of a second, dragging is faster.
+  // Only the latest frame is searched: a search takes a tenth of a second, dragging is faster.
   let asking = false, again = false;
   const look = async () => {
     again = true;
@@ -87,10 +88,10 @@ async function workbench(place, id, run, file, signal) {
       if (image.complete && image.naturalWidth) context.drawImage(image, 0, 0, width, height);
       for (const [name, one] of Object.entries(seen.marks)) {
         if (one.x_px === null) continue;
-        context.strokeStyle = name.startsWith("yellow") ? "#ffeb3c" : name.startsWith("green") ? "#5aff78" : "#78c8ff";
-        context.lineWidth = 2;
+        context.strokeStyle = inkOf(name);
+        context.lineWidth = pen(2);
         context.beginPath();
-        context.arc((one.x_px / frames.width) * width, (one.y_px / frames.height) * height, 6, 0, 7);
+        context.arc((one.x_px / frames.width) * width, (one.y_px / frames.height) * height, pen(6), 0, 7);
         context.stroke();
       }
     }, signal);
@@ -170,7 +171,7 @@ async function workbench(place, id, run, file, signal) {
     if (box[2] - box[0] < 4 || box[3] - box[1] < 4) return;
     save(state.tool === "region" ? { ...state.said, region_px: box } : { ...state.said, mask_px: [...(state.said.mask_px ?? []), box] });
   };
-  // The cross begins at the chosen mark where it is seen.
+  // Start of the cross: the chosen mark, if it was found.
   const start = () => {
     const one = state.seen.get(state.index)?.marks[state.mark];
     return one && one.x_px !== null ? [Math.round(one.x_px), Math.round(one.y_px)] : [Math.round(frames.width / 2), Math.round(frames.height / 2)];

@@ -1,11 +1,11 @@
 // Where model and robot disagree: a row for each run, a cell for each second; a click leads to the frames.
 
-import { color, h, labels, num, surface } from "./dom.js";
+import { color, h, labels, num, pen, surface } from "./dom.js";
 
 const QUANTITIES = { along_mm_s: ["speed along", "mm/s"], across_mm_s: ["sideways speed", "mm/s"], yaw_deg_s: ["turn rate", "°/s"] };
 const rem = () => parseFloat(labels(1));
 
-// As much of both ends of a name as there is room for: what tells runs apart stands at either.
+// A name shortened in its middle to a width, because both ends distinguish runs.
 export function shortened(context, name, width) {
   for (let kept = name.length, shown = name; ; kept--) {
     if (kept < 2 || context.measureText(shown).width <= width) return shown;
@@ -35,7 +35,7 @@ export function matrix(pieces, id, signal) {
       context.fillStyle = inks[column[k] > 0 ? 1 : 0];
       context.fillRect(x(pieces.time_s[k] - span / 2), row * ROW + 1, Math.max(x(span) - x(0) - 1, 2), ROW - 2);
       context.globalAlpha = 1;
-      if (k === over) { context.strokeStyle = color("ink"); context.lineWidth = 1.5; context.strokeRect(x(pieces.time_s[k] - span / 2), row * ROW + 1, x(span) - x(0) - 1, ROW - 2); }
+      if (k === over) { context.strokeStyle = color("ink"); context.lineWidth = pen(1.5); context.strokeRect(x(pieces.time_s[k] - span / 2), row * ROW + 1, x(span) - x(0) - 1, ROW - 2); }
     });
     context.fillStyle = color("soft");
     for (let second = 0; second <= last; second += last > 12 ? 2 : 1) context.fillText(`${second} s`, x(second) - 6, height - 4);

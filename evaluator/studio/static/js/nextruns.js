@@ -1,4 +1,4 @@
-// The next experiment: drawn on the plate, and written out as an experiment to be recorded.
+// The next experiment: drawn on the plate, and written as an experiment to be recorded.
 
 import { post } from "./api.js";
 import { color, h, num, surface } from "./dom.js";

@@ -1,13 +1,13 @@
-// What is drawn over a frame: marks with their rings, heading, trails of the centre, measured and simulated.
+// Overlay of a frame: marks with rings, heading, and trails of the centre, measured and simulated.
 
-import { color, labels } from "./dom.js";
+import { color, labels, pen } from "./dom.js";
 
 const INKS = { green: "#5aff78", yellow: "#ffeb3c" };
 export const inkOf = (name) => INKS[name.split("_")[0]] ?? "#78c8ff";
 export const markNames = (marks) => Object.keys(marks).filter((key) => key.endsWith("_x_px")).map((key) => key.slice(0, -5));
 
-// Lays a frame in the middle of a canvas and leaves the context at its corner (saved: restore it).
-// Returns canvas px per px of the frame; 0 where there is no frame yet, and nothing is saved.
+// Draws a frame in the middle of a canvas and leaves the context at its corner, in a saved state that the caller restores.
+// Returns canvas px per px of the frame; without a frame 0, and nothing is saved.
 export function drawFrame(context, width, height, bitmap, frames) {
   if (!bitmap) {
     context.fillStyle = color("soft");
@@ -31,13 +31,13 @@ export function drawOverlay(context, curves, row, scale, trails) {
   if (poses.center_x_px && Number.isFinite(poses.center_x_px[row])) {
     const [x, y, nx, ny] = [poses.center_x_px[row], poses.center_y_px[row], poses.nose_x_px[row], poses.nose_y_px[row]].map((v) => v * scale);
     context.strokeStyle = context.fillStyle = "#ff5aa0";
-    context.lineWidth = 2;
+    context.lineWidth = pen(2);
     context.beginPath();
     context.moveTo(x, y);
     context.lineTo(nx, ny);
     context.stroke();
     context.beginPath();
-    context.arc(x, y, 3.5, 0, 7);
+    context.arc(x, y, pen(3.5), 0, 7);
     context.fill();
   }
   for (const name of markNames(marks)) ring(context, marks[`${name}_x_px`][row], marks[`${name}_y_px`][row], scale, inkOf(name));
@@ -45,21 +45,22 @@ export function drawOverlay(context, curves, row, scale, trails) {
 
 function ring(context, x, y, scale, ink) {
   if (x === null || x === undefined) return;
-  context.lineWidth = 3.5;
+  const radius = pen(9), arm = pen(4);
+  context.lineWidth = pen(3.5);
   for (const stroke of ["rgb(0 0 0 / .55)", ink]) {
     context.strokeStyle = stroke;
     context.beginPath();
-    context.arc(x * scale, y * scale, 9, 0, 7);
-    context.moveTo(x * scale - 4, y * scale);
-    context.lineTo(x * scale + 4, y * scale);
-    context.moveTo(x * scale, y * scale - 4);
-    context.lineTo(x * scale, y * scale + 4);
+    context.arc(x * scale, y * scale, radius, 0, 7);
+    context.moveTo(x * scale - arm, y * scale);
+    context.lineTo(x * scale + arm, y * scale);
+    context.moveTo(x * scale, y * scale - arm);
+    context.lineTo(x * scale, y * scale + arm);
     context.stroke();
-    context.lineWidth = 1.6;
+    context.lineWidth = pen(1.6);
   }
 }
 
-// The paths of a run, kept as an image: the simulated one is drawn once, the measured one grows with the frames.
+// The trails of a run, cached as an image: the simulated one is drawn once, the measured one is extended frame by frame.
 export function trailsOf({ poses, simulated }, [width, height]) {
   const kept = new OffscreenCanvas(1, 1), context = kept.getContext("2d");
   let drawn = 0, zoom = 0;
@@ -86,13 +87,13 @@ function trail(context, columns, first, count, scale, ink, dash) {
   context.lineJoin = "round";
   for (const [stroke, width] of [["rgb(0 0 0 / .45)", 3.2], [ink, 1.6]]) {
     context.strokeStyle = stroke;
-    context.lineWidth = width;
+    context.lineWidth = pen(width);
     context.beginPath();
-    let pen = false;
+    let drawing = false;
     for (let k = first; k < Math.min(count, xs.length); k++) {
-      if (xs[k] === null) { pen = false; continue; }
-      pen ? context.lineTo(xs[k] * scale, ys[k] * scale) : context.moveTo(xs[k] * scale, ys[k] * scale);
-      pen = true;
+      if (xs[k] === null) { drawing = false; continue; }
+      drawing ? context.lineTo(xs[k] * scale, ys[k] * scale) : context.moveTo(xs[k] * scale, ys[k] * scale);
+      drawing = true;
     }
     context.stroke();
   }
@@ -126,7 +127,7 @@ export function drawAxis(context, width, height, state) {
 
 function edge(context, x, middle, kind) {
   const side = kind === "start" ? 1 : -1;
-  context.lineWidth = 2;
+  context.lineWidth = pen(2);
   context.beginPath();
   context.moveTo(x, middle - 13);
   context.lineTo(x, middle + 13);

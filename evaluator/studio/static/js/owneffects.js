@@ -1,4 +1,4 @@
-// Effects of the user's own on the Diagnosis screen: those beside the experiment, and the form that makes them of terms.
+// User-defined effects on the Diagnosis screen: those beside the experiment, and the form that makes them from terms.
 
 import { get, post } from "./api.js";
 import { fill, h } from "./dom.js";
@@ -7,8 +7,8 @@ import { say } from "./say.js";
 const FORM = /^[a-z][a-z0-9]*(-[a-z0-9]+)*$/;
 const EMPTY = { version: "", id: "", name: "", sentence: "", fault: "", terms: [] };
 
-// make(change): makes a change when those before it are made; written(): shows the screen anew after it. Gives the section,
-// and open(), the form that is offered.
+// make(change): makes a change after the changes before it; written(): updates the screen. Returns the section, and open(),
+// which opens the form with the offered effect.
 export async function own_effects(id, signal, make, written) {
   const path = `/api/experiments/${id}/own-effects`;
   const found = await get(path, signal);
@@ -48,7 +48,7 @@ function first_term(grammar) {
   return usual({ pattern: "common" }, grammar, grammar.channels[0].id, grammar.channels[0].bases[0].id);
 }
 
-// A term with the usual unit, bounds, step and name of its coefficient for where it acts and what it depends on.
+// A term with the usual unit, bounds, step and name of its coefficient for its channel and basis.
 function usual(term, grammar, channel, basis) {
   const { unit, low, high, step } = grammar.channels.find((one) => one.id === channel).bases.find((one) => one.id === basis);
   return { ...term, channel, depends_on: basis, coefficient: basis === "one" ? channel : `${channel}_by_${basis}`, unit, low, high, step };

@@ -1,6 +1,6 @@
 // The plate from above, mm: x to the right, y upward, one scale for both.
 
-import { color, labels } from "./dom.js";
+import { color, labels, pen } from "./dom.js";
 
 export function view(bounds, width, height, margin = 26) {
   const wide = Math.max(bounds.x1 - bounds.x0, 1), tall = Math.max(bounds.y1 - bounds.y0, 1);
@@ -26,13 +26,13 @@ export function grid(context, to, width, height) {
   const step = Math.max([1, 2, 5, 10].find((times) => times * power * to.scale >= 44) * power, 1);
   context.strokeStyle = color("faint");
   context.fillStyle = color("soft");
-  context.lineWidth = 1;
+  context.lineWidth = pen(1);
   context.font = labels();
   context.beginPath();
   for (let x = Math.ceil(to.mmx(0) / step) * step; to.x(x) < width; x += step) {
     context.moveTo(Math.round(to.x(x)) + 0.5, 0);
     context.lineTo(Math.round(to.x(x)) + 0.5, height);
-    if (to.x(x) < width - 56) context.fillText(String(x).replace("-", "−"), to.x(x) + 3, height - 4); // "mm" stands there
+    if (to.x(x) < width - 56) context.fillText(String(x).replace("-", "−"), to.x(x) + 3, height - 4); // room for "mm"
   }
   for (let y = Math.ceil(to.mmy(height) / step) * step; to.y(y) > 0; y += step) {
     context.moveTo(0, Math.round(to.y(y)) + 0.5);
@@ -40,12 +40,14 @@ export function grid(context, to, width, height) {
     if (to.y(y) > 16 && to.y(y) < height - 16) context.fillText(String(y).replace("-", "−"), 3, to.y(y) - 3);
   }
   context.stroke();
-  context.fillText("mm", width - 24, height - 4);
+  context.textAlign = "right";
+  context.fillText("mm", width - 4, height - 4);
+  context.textAlign = "start";
 }
 
 export function path(context, to, { x_mm: xs, y_mm: ys }, ink, width = 1.5, dash = []) {
   context.strokeStyle = ink;
-  context.lineWidth = width;
+  context.lineWidth = pen(width);
   context.lineJoin = "round";
   context.setLineDash(dash);
   context.beginPath();
@@ -57,7 +59,7 @@ export function path(context, to, { x_mm: xs, y_mm: ys }, ink, width = 1.5, dash
 export function dot(context, x, y, radius, ink) {
   context.fillStyle = ink;
   context.beginPath();
-  context.arc(x, y, radius, 0, 7);
+  context.arc(x, y, pen(radius), 0, 7);
   context.fill();
 }
 
@@ -67,7 +69,7 @@ export function robot(context, to, x, y, heading, ink, length = 5, width = 9) {
   context.translate(to.x(x), to.y(y));
   context.rotate((-heading * Math.PI) / 180);
   context.strokeStyle = ink;
-  context.lineWidth = 1.2;
+  context.lineWidth = pen(1.2);
   context.strokeRect((-length / 2) * to.scale, (-width / 2) * to.scale, length * to.scale, width * to.scale);
   context.beginPath();
   context.moveTo(0, 0);

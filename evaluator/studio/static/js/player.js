@@ -1,4 +1,4 @@
-// One recording, frame by frame, with what was measured drawn on it and the curves in step.
+// One recording, frame by frame, with the measurement drawn on it, and curves over time.
 
 import { get } from "./api.js";
 import { curvePlot } from "./curves.js";
@@ -9,7 +9,7 @@ import { say } from "./say.js";
 
 const GRAB_PX = 9;
 
-// run: {id, start_s, stop_s, video}; changed(key, seconds) when an edge was dragged.
+// run: {id, start_s, stop_s, video}; changed(key, seconds): called when start or stop was dragged.
 export async function player(place, experiment, run, { signal, changed, at }) {
   const base = `/api/experiments/${experiment}/runs/${encodeURIComponent(run.id)}`;
   const state = { index: 0, bitmap: null, exact: true, playing: false, start: run.start_s ?? 0, stop: run.stop_s ?? null, overlay: true };
@@ -119,10 +119,10 @@ export async function player(place, experiment, run, { signal, changed, at }) {
     curves.poses.time_s ? [h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured", h("i", { class: "vermillion dashed" }), "simulated"), plots]
       : h("p", { class: "soft" }, "Not analysed yet: the curves and the overlay appear after “Analyse”."));
   go(at !== undefined ? frames.indexAt(at) : 0);
-  return { frames, go, edges: (start, stop) => { state.start = start ?? 0; state.stop = stop ?? null; axis.redraw(); } };
+  return { time: () => frames.times[state.index], edges: (start, stop) => { state.start = start ?? 0; state.stop = stop ?? null; axis.redraw(); } };
 }
 
-// Dragging on the time axis: an edge of the command where one is grabbed, else the frame that is shown.
+// Dragging on the time axis: start or stop of the command if one is grabbed, else the frame that is shown.
 function dragging(canvas, state, mapOf, act, bounds) {
   let held = null;
   const near = (x) => {
@@ -142,6 +142,7 @@ function dragging(canvas, state, mapOf, act, bounds) {
     if (held !== "time") { state[held === "start_s" ? "start" : "stop"] = seconds(event); act.moved(); }
     act.go(seconds(event), true);
   });
+  canvas.addEventListener("pointercancel", () => { held = null; });
   canvas.addEventListener("pointerup", (event) => {
     if (held === null) return;
     const at = seconds(event);

@@ -1,9 +1,9 @@
-// Pointing at places of a frame, by mouse and by keyboard: arrows move a cross (with Shift ten px), Enter presses and
-// lets go, Escape drops what is being drawn.
+// Pointing in a frame, by mouse or keyboard: arrows move a cross (with Shift by ten px), Enter presses and releases, Escape
+// cancels what is being drawn.
 
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
-// state.cursor and state.draft are drawn by the caller. press(x, y) and drawn(box) are told in px of the frame.
+// The caller draws state.cursor and state.draft. press(x, y) and drawn(box) receive px of the frame.
 export function pointing(screen, frames, state, { draws, press, drawn, start }) {
   const { canvas } = screen;
   const at = (event) => {

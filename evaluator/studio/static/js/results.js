@@ -1,7 +1,7 @@
 // The Results screen: radius against difference of speed, trajectories, and the numbers of every run.
 
 import { get, latest, post } from "./api.js";
-import { color, counted, fill, fixed, h, labels, length, num, surface } from "./dom.js";
+import { color, counted, fill, fixed, h, labels, length, num, pen, surface } from "./dom.js";
 import { jobOf, onJobs } from "./jobs.js";
 import { boundsOf, dot, grid, path as draw_path, view as view_of } from "./plate.js";
 import { say } from "./say.js";
@@ -15,6 +15,8 @@ export async function show(view, { id, rest, signal }) {
   await load();
 }
 
+const turns = (run) => run.radius_mm !== null && Math.abs(run.turned_deg) > 1;
+const is_straight = (run) => run.radius_mm !== null || String(run.radius_status).startsWith("straight");
 const start = (id) => () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
 
 function nothing(found, id) {
@@ -26,7 +28,7 @@ function nothing(found, id) {
 function screen(found, id, wanted, signal) {
   const runs = found.runs;
   let chosen = Math.max(runs.findIndex((run) => run.id === wanted), 0);
-  const turning = runs.filter((run) => run.left_rpm !== null && run.radius_mm !== null && Math.abs(run.turned_deg) > 1);
+  const turning = runs.filter((run) => turns(run) && run.left_rpm !== null);
   const redraws = [];
   const rows = [];
   const choose = (index) => {
@@ -43,7 +45,7 @@ function screen(found, id, wanted, signal) {
     h("tbody", {}, runs.map((run, index) => {
       const row = h("tr", { tabindex: 0, onclick: () => choose(index), onkeydown: (event) => { if (event.key === "Enter") choose(index); if (event.key === "ArrowDown") row.nextSibling?.focus(); if (event.key === "ArrowUp") row.previousSibling?.focus(); } },
         h("td", {}, run.id), h("td", {}, `${num(run.left_rpm)} / ${num(run.right_rpm)}`),
-        h("td", {}, turning.includes(run) ? fixed(run.radius_mm, 3) : "straight"), h("td", {}, turning.includes(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
+        h("td", { title: turns(run) ? null : run.radius_status }, turns(run) ? fixed(run.radius_mm, 3) : is_straight(run) ? "straight" : "–"), h("td", {}, turns(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
         h("td", {}, run.simulated_radius_mm === null ? "–" : fixed(run.simulated_radius_mm, 3)), h("td", {}, fixed(run.speed_mm_s, 3)), h("td", {}, fixed(run.gap_rms_mm, 3)));
       rows.push(row);
       return row;
@@ -77,9 +79,12 @@ const frames_of = (id, run, time) => `#/x/${id}/runs/${encodeURIComponent(run.id
 function facts(run, id) {
   const at = run.sustained_from_s ?? 0;
   return h("div", { class: "row end" },
-    h("div", {}, h("h3", {}, run.id), h("p", { class: "soft" }, `${num(run.left_rpm)} / ${num(run.right_rpm)} rpm. ${run.radius_mm === null || Math.abs(run.turned_deg) <= 1 ? `${run.radius_status}`.replaceAll(" -", " −") : `Radius ${fixed(run.radius_mm, 3)} mm, simulated ${fixed(run.simulated_radius_mm, 3)} mm. It turned by ${fixed(run.turned_deg, 0)}°.`}`)),
+    h("div", {}, h("h3", {}, run.id), h("p", { class: "soft" }, `${num(run.left_rpm)} / ${num(run.right_rpm)} rpm. ${!turns(run) ? `${run.radius_status}`.replaceAll(" -", " −") : `Radius ${fixed(run.radius_mm, 3)} mm, simulated ${fixed(run.simulated_radius_mm, 3)} mm. It turned by ${fixed(run.turned_deg, 0)}°.`}`)),
     run.has_video && h("a", { class: "button", href: frames_of(id, run, at) }, "See its frames"));
 }
+
+// Ticks of the logarithmic axis, mm. It extends to the next tick on either side, so that it shows at least two.
+const TICKS = [-2, -1, 0, 1, 2, 3, 4].flatMap((power) => [1, 2, 5].map((digit) => Number(`${digit}e${power}`)));
 
 function radius_chart(runs, chosen, choose, signal) {
   let places = [];
@@ -88,15 +93,14 @@ function radius_chart(runs, chosen, choose, signal) {
     const rem = parseFloat(labels(1)), left = 3.6 * rem, right = rem, top = 0.7 * rem, bottom = 2.6 * rem;
     const difference = (run) => Math.abs(run.left_rpm - run.right_rpm);
     const values = runs.flatMap((run) => [run.radius_low_mm, run.radius_high_mm, run.radius_mm, run.simulated_radius_mm]).filter((v) => v > 0);
-    const y0 = Math.log(Math.min(...values) / 1.2), y1 = Math.log(Math.max(...values) * 1.2), x1 = Math.max(...runs.map(difference)) * 1.06;
+    const y0 = Math.log(TICKS.findLast((tick) => tick < Math.min(...values)) ?? TICKS[0]), y1 = Math.log(TICKS.find((tick) => tick > Math.max(...values)) ?? TICKS.at(-1)), x1 = Math.max(...runs.map(difference)) * 1.06;
     const x = (v) => left + (v / x1) * (width - left - right), y = (v) => height - bottom - ((Math.log(v) - y0) / (y1 - y0)) * (height - top - bottom);
     context.font = labels();
     context.strokeStyle = color("faint");
     context.fillStyle = color("soft");
     context.beginPath();
-    for (let power = -2; power < 5; power++) for (const digit of [1, 2, 5]) {
-      const value = digit * 10 ** power;
-      if (Math.log(value) < y0 || Math.log(value) > y1) continue;
+    for (const value of TICKS) {
+      if (Math.log(value) < y0 - 1e-9 || Math.log(value) > y1 + 1e-9) continue;
       context.moveTo(left, y(value)); context.lineTo(width - right, y(value));
       context.fillText(String(value), 1.5 * rem, y(value) + 4);
     }
@@ -108,12 +112,12 @@ function radius_chart(runs, chosen, choose, signal) {
     places = runs.map((run) => ({ run, x: x(difference(run)), y: y(run.radius_mm) }));
     for (const { run, x: px, y: py } of places) {
       context.strokeStyle = color("blue");
-      context.lineWidth = 1.4;
+      context.lineWidth = pen(1.4);
       context.beginPath();
       if (run.radius_high_mm > 0) { context.moveTo(px, y(run.radius_low_mm)); context.lineTo(px, y(run.radius_high_mm)); }
       context.stroke();
-      if (run === chosen()) { context.strokeStyle = color("ink"); context.beginPath(); context.arc(px, py, 9, 0, 7); context.stroke(); }
-      dot(context, px, py, 0.27 * rem, color("blue"));
+      if (run === chosen()) { context.strokeStyle = color("ink"); context.beginPath(); context.arc(px, py, pen(9), 0, 7); context.stroke(); }
+      dot(context, px, py, 4, color("blue"));
       if (run.simulated_radius_mm > 0) { context.strokeStyle = color("vermillion"); context.strokeRect(px - rem / 3, y(run.simulated_radius_mm) - rem / 3, rem / 1.5, rem / 1.5); }
     }
   }, signal, { class: "chart", role: "img", "aria-label": "Minimum turning radius of every run against the difference of its wheel speeds; the table below holds the numbers" });
@@ -134,7 +138,7 @@ function trajectory(chosen, open, signal) {
     grid(context, to, width, height);
     if (circle) {
       context.strokeStyle = color("blue");
-      context.lineWidth = 1;
+      context.lineWidth = pen(1);
       context.beginPath();
       context.arc(to.x(run.center_x_mm), to.y(run.center_y_mm), Math.abs(run.radius_mm) * to.scale, 0, 7);
       context.stroke();

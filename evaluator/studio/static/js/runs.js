@@ -1,4 +1,4 @@
-// The Runs screen: the table of the experiment, the player of the chosen run, and the work on all of them.
+// The Runs screen: the table of the experiment, the player of the chosen run, and the analysis of all of them.
 
 import { get, latest, post } from "./api.js";
 import { fill, h } from "./dom.js";
@@ -30,7 +30,7 @@ export async function show(view, { id, rest, signal }) {
   const states = () => found.rows.map((row) => {
     const job = jobOf(id), steps = outdated?.[row.id];
     if (found.faults.some((one) => one.row !== null && found.rows[one.row] === row)) return { kind: "warn", title: "error in this run" };
-    if (job?.outdated?.[row.id]?.length) return job.finished.includes(row.id) ? { kind: "good", title: "done" } : { kind: "busy", title: "being analysed" };
+    if (job?.outdated?.[row.id]?.length) return job.finished.includes(row.id) ? { kind: "good", title: "done" } : job.working.includes(row.id) ? { kind: "busy", title: "being analysed" } : { kind: "stale", title: "waits to be analysed" };
     if (steps === undefined) return { kind: "", title: "" };
     return steps.length ? { kind: "stale", title: `to do: ${steps.join(", ")}` } : { kind: "good", title: "up to date" };
   });
@@ -46,6 +46,7 @@ export async function show(view, { id, rest, signal }) {
         say(error);
         if (error.status === 409) accept(await get(path, signal));
         else draw();
+        choose(shown ?? 0, false); // the axis shows the times of the file again
       }
     }).catch(say);
   };
@@ -56,7 +57,7 @@ export async function show(view, { id, rest, signal }) {
   const recordings = h("datalist", { id: "recordings" });
   const title = h("h1");
   const draw = () => {
-    table.draw(found, states(), unpasted); // what a paste could not take is said until the next change
+    table.draw(found, states(), unpasted); // errors of a paste are shown until the next change
     fill(recordings, found.recordings.map((one) => h("option", { value: one })));
     title.textContent = String(found.head.name ?? "");
     drawWork();
@@ -90,6 +91,7 @@ export async function show(view, { id, rest, signal }) {
     const run = found.rows[row];
     table.choose(row);
     if (!anew && run && playing?.key === `${run.id}|${run.video}`) { playing.edges(run.start_s, run.stop_s); return; }
+    const key = run && `${run.id}|${run.video}`, here = playing?.key === key ? playing.time() : undefined; // the same run stays at its frame
     shown = row;
     inner?.abort();
     inner = new AbortController();
@@ -101,8 +103,8 @@ export async function show(view, { id, rest, signal }) {
     }
     try {
       const { signal: own } = inner;
-      const made = await player(stage, id, run, { signal: own, at: rest[0] === run.id && rest[1] ? Number(rest[1]) : undefined, changed: (key, value) => edit([{ kind: "set", row: found.rows.findIndex((one) => one.id === run.id), key, value }]) });
-      if (made && !own.aborted) playing = { ...made, key: `${run.id}|${run.video}` };
+      const made = await player(stage, id, run, { signal: own, at: here ?? (rest[0] === run.id && rest[1] ? Number(rest[1]) : undefined), changed: (key, value) => edit([{ kind: "set", row: found.rows.findIndex((one) => one.id === run.id), key, value }]) });
+      if (made && !own.aborted) playing = { ...made, key };
     } catch (error) {
       if (error.name !== "AbortError") fill(stage, h("div", { class: "empty" }, h("h2", {}, `${run.id} cannot be shown`), h("p", {}, error.message)));
     }

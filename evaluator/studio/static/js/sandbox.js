@@ -1,4 +1,4 @@
-// The Sandbox: sliders for the robot and every effect; the motion is drawn anew while they are dragged.
+// The Sandbox: sliders for the robot and every effect; the motion is drawn again while they are dragged.
 
 import { get, latest, post } from "./api.js";
 import { color, fill, fixed, h, num, surface } from "./dom.js";
@@ -29,7 +29,7 @@ export async function show(view, { id, signal }) {
 
 function screen(found, source, signal, undo) {
   const state = { nominal: {}, effects: {}, commands: (found.commands.length ? found.commands : OWN).slice(0, 12), chosen: 0, duration: 8 };
-  let changed = [], base = [];
+  let changed = [], base = [], base_s = null; // base_s: duration of the motions in base
   const plate = surface((context, width, height) => {
     const to = view_of(boundsOf([...base, ...changed]), width, height, 34);
     grid(context, to, width, height);
@@ -42,19 +42,18 @@ function screen(found, source, signal, undo) {
 
   // One request at a time, always for the latest state.
   let asking = false, dirty = false, failed = false;
-  const ask = async (with_base = false) => {
+  const ask = async () => {
     dirty = true;
     if (asking) return;
     asking = true;
     try {
       while (dirty) {
         dirty = false;
-        const begun = performance.now();
-        const answer = await post("/api/sandbox", { ...source, nominal: state.nominal, effects: state.effects, commands: state.commands, duration_s: state.duration, base: with_base || base.length !== state.commands.length }, signal);
+        const begun = performance.now(), { duration } = state;
+        const answer = await post("/api/sandbox", { ...source, nominal: state.nominal, effects: state.effects, commands: state.commands, duration_s: duration, base: base_s !== duration }, signal);
         changed = answer.changed;
-        if (answer.base) base = answer.base;
-        with_base = false;
-        if (failed) say(""); // nothing else: what was said of a change stays
+        if (answer.base) [base, base_s] = [answer.base, duration];
+        if (failed) say(""); // but not a message about a change
         failed = false;
         took.textContent = `${changed.length} runs in ${Math.round(performance.now() - begun)} ms`;
         plate.redraw();
@@ -87,13 +86,13 @@ function screen(found, source, signal, undo) {
       say(`Written to ${robot.path}.`, true);
     }).catch(say);
   } }, "Add to the robot");
-  ask(true);
+  ask();
   return h("div", { class: "side" },
     h("section", { class: "stack", "aria-label": "Sliders" },
       h("details", { class: "effect" }, h("summary", {}, h("span", {}, "Robot"), h("span", { class: "small soft" }, "nominal values")), found.robot.map((one) => slider(one, (value) => { state.nominal[one.key] = value; }).row)),
       found.effects.map(effect)),
     h("section", { class: "stack" }, plate.canvas,
       h("div", { class: "row end" }, h("p", { class: "legend small soft" }, h("i", { class: "soft" }), "as it is", h("i", { class: "vermillion" }), "with the changes"), took, h("div", { class: "row" }, add, undo && [undo.undo, undo.redo])),
-      slider({ words: "duration", unit: "s", low: 2, high: 30, step: 1, value: 8 }, (value) => { state.duration = value; base = []; }).row,
+      slider({ words: "duration", unit: "s", low: 2, high: 30, step: 1, value: 8 }, (value) => { state.duration = value; }).row,
       h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ["left / right, rpm", "radius, mm", "with changes, mm", "change", "speed, mm/s"].map((text) => h("th", { scope: "col" }, text)))), table))));
 }

@@ -1,9 +1,20 @@
-// A table that is filled in like a spreadsheet: arrows, Enter, paste of whole blocks, faults at their cells.
+// A table that is edited like a spreadsheet: arrows, Enter, paste of whole blocks, errors at their cells.
 
 import { fill, h } from "./dom.js";
 
-const MOST_NAMED = 5; // runs with one fault: the cells are marked as well
-const to_end = (input) => requestAnimationFrame(() => { input.scrollLeft = input.scrollWidth; }); // a path is told apart by its end
+const MOST_NAMED = 5; // runs named in the sentence of a fault; all cells are marked
+// A path that is too long for its cell is shown from the first word from which the rest fits: its end distinguishes it.
+const ruler = new OffscreenCanvas(1, 1).getContext("2d");
+const to_end = (input) => requestAnimationFrame(() => {
+  input.style.textIndent = "";
+  if (input === document.activeElement) return;
+  const beyond = input.scrollWidth - input.clientWidth, text = input.value;
+  if (beyond <= 0) return;
+  const { fontSize, fontFamily } = getComputedStyle(input);
+  ruler.font = `${fontSize} ${fontFamily}`;
+  const before = [...text.matchAll(/[/\\ _-]+/g)].map((gap) => ruler.measureText(text.slice(0, gap.index + gap[0].length)).width);
+  input.style.textIndent = `${-(before.find((width) => width >= beyond) ?? beyond)}px`;
+});
 const listed = (runs) => (runs.length > MOST_NAMED ? `${runs.slice(0, MOST_NAMED).join(", ")} and ${runs.length - MOST_NAMED} more` : runs.join(", "));
 
 // columns: [{key, title, kind: "number" | "text", list, path}]. edit(edits) writes; chosen(row) when a row is entered.
@@ -13,7 +24,7 @@ export function sheet(columns, { edit, chosen, signal }) {
   const box = h("div", { class: "sheet" }, h("div", { class: "scroll" },
     h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "state" }, h("span", { class: "hidden" }, "State")), columns.map((column) => h("th", { scope: "col" }, column.title)), h("th", {}, h("span", { class: "hidden" }, "Remove")))), body)), problems);
   let rows = [], active = 0;
-  const lines = []; // what is shown of each row: {row, dot, cells, remove}
+  const lines = []; // elements of each row: {row, dot, cells, remove}
 
   const parsed = (column, text) => {
     const trimmed = text.trim();
@@ -33,10 +44,10 @@ export function sheet(columns, { edit, chosen, signal }) {
       if (wrong) { input.setAttribute("aria-invalid", "true"); input.title = wrong; tell([wrong]); return; }
       edit([{ kind: "set", row: index, key: column.key, value }]);
     });
-    let pointed = false; // by the keyboard a cell is entered whole, and typing replaces it
+    let pointed = false; // focus by keyboard selects the whole text, so that typing replaces it
     input.addEventListener("pointerdown", () => { pointed = true; });
     input.addEventListener("focus", () => { if (!pointed) input.select(); pointed = false; if (active !== index) { active = index; mark(); chosen(index); } });
-    if (column.path) input.addEventListener("blur", () => to_end(input));
+    if (column.path) for (const event of ["focus", "blur"]) input.addEventListener(event, () => to_end(input));
     return { input, box: h("td", {}, input), text: "", path: column.path };
   };
   const line = (index) => {
@@ -44,7 +55,7 @@ export function sheet(columns, { edit, chosen, signal }) {
     const remove = h("button", { class: "plain small", title: "Remove this run from the table", onclick: () => edit([{ kind: "remove", row: index }]) }, "×");
     return { dot, cells, remove, row: h("tr", {}, h("td", { class: "state" }, dot), cells.map((one) => one.box), h("td", {}, remove)) };
   };
-  // typing: what is being typed stays, and is written when it is finished
+  // typing: text that is being typed stays, and is written when it is finished
   const show = (one, value, label, fault, typing) => {
     const { input } = one, text = value === undefined || value === null ? "" : String(value);
     input.setAttribute("aria-label", label);
@@ -114,7 +125,7 @@ export function sheet(columns, { edit, chosen, signal }) {
     dot.title = title;
     dot.setAttribute("aria-label", title);
   });
-  // The rows are made once and then only told what is new: who types keeps the place. extra: sentences beside the faults.
+  // Rows are made once and then updated, so that the focus stays while somebody types. extra: sentences shown with the faults.
   const draw = (found, states, extra = []) => {
     const typing = rows.length === found.rows.length; // else the row may be another run's now
     rows = found.rows;
@@ -132,10 +143,11 @@ export function sheet(columns, { edit, chosen, signal }) {
     });
     tell_states(states);
     mark();
-    const concerned = new Map(); // runs by what is wrong with them
+    const concerned = new Map(); // runs by sentence
     for (const { row, sentence } of found.faults) concerned.set(sentence, [...(concerned.get(sentence) ?? []), ...(row === null ? [] : [rows[row]?.id ?? `row ${row + 1}`])]);
     tell([...extra, ...[...concerned].map(([sentence, runs]) => (runs.length ? `${listed(runs)}: ${sentence}` : sentence))]);
   };
+  const unused = (number) => { const id = `r${String(number).padStart(2, "0")}`; return rows.some((row) => row.id === id) ? unused(number + 1) : id; };
   void signal;
-  return { box, draw, states: tell_states, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: `r${String(rows.length + 1).padStart(2, "0")}`, start_s: 0.5 } }]) };
+  return { box, draw, states: tell_states, choose: (row) => { active = row; mark(); }, add: () => edit([{ kind: "add", values: { id: unused(rows.length + 1), start_s: 0.5 } }]) };
 }

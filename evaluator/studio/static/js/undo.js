@@ -1,4 +1,4 @@
-// Undo and redo, on every screen that writes: two buttons, and Ctrl+Z and Ctrl+Shift+Z wherever no text is typed.
+// Undo and redo on every screen that writes: two buttons, and Ctrl+Z and Ctrl+Shift+Z where no text is typed.
 
 import { get, post } from "./api.js";
 import { h } from "./dom.js";
@@ -6,9 +6,9 @@ import { say } from "./say.js";
 
 const TYPED = "input:not([type=range], [type=checkbox], [type=radio]), textarea";
 
-// screen: as the server calls it; id: of the experiment or gauge; changed(): show anew what was undone or redone.
-// make(change): makes a change of the screen when those before it are made, and gives its promise; make() without one
-// is to be called when somebody else has made a change.
+// screen: its name on the server; id: of the experiment or gauge; changed(): updates the screen after undo or redo.
+// make(change): makes a change of the screen after those before it, and returns its promise; make() without a change is
+// called after a change by somebody else.
 export function undoing(screen, id, signal, changed, run = "") {
   const path = `/api/undo/${screen}/${id}`;
   let next = { undo: null, redo: null };
@@ -21,7 +21,7 @@ export function undoing(screen, id, signal, changed, run = "") {
       one.title = `${one.textContent}${next[way] ? `: ${next[way].words}` : ""} (${way === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z"})`;
     }
   }).catch((error) => { if (error.name !== "AbortError") say(error); });
-  // Changes and steps wait in one line: each is made of what the one before it left, and knows what can be taken back.
+  // Changes and steps wait for each other: each starts from the result of the one before it.
   let line = ask();
   const make = (change) => {
     const made = line.then(change);

@@ -1,11 +1,11 @@
-// What a gauge or a robot is said to be, as a form: a field for each value of its file, written when it is left.
+// The values of a gauge or robot file as a form: a field for each value, written when it is left.
 
 import { get, post } from "./api.js";
 import { fill, h } from "./dom.js";
 import { say } from "./say.js";
 
-const AXES = ["x", "y", "z"]; // of a value that is a list
-const UNITS = { percent: "%", g_mm2: "g·mm²" }; // of those that are written otherwise in a file
+const AXES = ["x", "y", "z"]; // names of the entries of a list
+const UNITS = { percent: "%", g_mm2: "g·mm²" }; // units that are written differently in a file
 const UNIT = /_(percent|g_mm2|mm|m|g|kg|mN|N|deg|rpm|s)$/;
 const words = (key) => {
   const [, unit] = String(key).match(UNIT) ?? [];
@@ -14,7 +14,7 @@ const words = (key) => {
 const label = (keys) => keys.map((key) => (typeof key === "number" ? (AXES[key] ?? key + 1) : words(key))).join(", ");
 const heading = (keys) => keys.map((key) => (typeof key === "number" ? key + 1 : words(key))).join(" ");
 
-// make(change) makes a change when those before it are made; changed() is called after it. Gives {box, load}.
+// make(change): makes a change after those before it; changed(): called after it. Returns {box, again}.
 export function values_form(title, path, signal, { make, changed }) {
   const place = h("div", { class: "stack" }), file = h("p", { class: "small soft" });
   const box = h("details", { class: "card" }, h("summary", {}, title), file, place);
@@ -40,7 +40,7 @@ export function values_form(title, path, signal, { make, changed }) {
     } }));
   };
   const draw = () => {
-    const tables = new Map(); // values by the table that holds them
+    const tables = new Map(); // fields by table of the file
     for (const { place: keys, value } of found.values) {
       const at = keys.slice(0, keys.findLastIndex((key) => typeof key === "string")), name = JSON.stringify(at);
       tables.set(name, [...(tables.get(name) ?? []), field(keys, label(keys.slice(at.length)), value)]);
