@@ -8,7 +8,7 @@ from scipy.signal import correlate2d
 from scipy.stats import norm
 
 from calibration.detection.candidates import _blobs, noise_of
-from calibration.detection.disturbed import LEVER, _usual, doubted, useful
+from calibration.detection.disturbed import _usual, doubted, useful
 from calibration.detection.dots import Dots, _whole
 from calibration.detection.ellipse_fit import collect_pixels, derivatives, fit_dots
 from calibration.detection.image import color_bgr, dark_dots
@@ -284,7 +284,7 @@ def test_what_disturbs_a_dot_makes_its_centre_doubtful_by_its_share_of_the_contr
     noise[7] = 5.0
     fitted = np.tile(circle(), (20, 1))
     found = doubted(fitted, np.tile(1e-4 * np.eye(2), (20, 1, 1)), noise)
-    moved = LEVER * 4.0 / 120.0 * BLUR
+    moved = 12.0 * 4.0 / 120.0 * BLUR  # beyond noise, a residual of 4 of 120 levels
     np.testing.assert_allclose(found[7], (1e-4 + moved**2) * np.eye(2))
     np.testing.assert_allclose(np.delete(found, 7, axis=0), np.tile(1e-4 * np.eye(2), (19, 1, 1)))
 

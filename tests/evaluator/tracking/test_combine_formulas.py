@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
@@ -228,8 +230,14 @@ def test_a_body_starts_and_stops_with_two_marks_and_repeated_frames_tell_nothing
 def test_a_course_follows_a_circle_over_the_frames_that_leave_a_hundredth_of_a_pixel(
     radius: float, speed: float
 ) -> None:
+    """Of the circle, beside the polynomial of fourth degree with its derivatives; but over 6 px in any case."""
     turn = speed / radius
-    expected = max(6.0 / speed, (120 * 0.01 / (speed * turn**4)) ** 0.2)
+
+    def left(frames: float) -> float:
+        polynomial = np.polynomial.polynomial.polyval(1j * turn * frames, [1 / math.factorial(n) for n in range(5)])
+        return float(radius * abs(np.exp(1j * turn * frames) - polynomial))
+
+    expected = max(6.0 / speed, brentq(lambda frames: left(frames) - 0.01, 0.1, 1.5 / turn))
     chord = 2 * radius * np.sin(5 * turn / 2) / 5  # directions are those of chords over five frames
     assert straight_frames(circle(radius, turn)) == pytest.approx(expected, rel=0.02 + 1 - chord / speed)
     assert straight_frames(circle(radius, turn)[:9]) == np.inf
