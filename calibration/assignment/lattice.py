@@ -39,6 +39,12 @@ SECOND = 10  # dots: a smaller second array may be chance
 FEW = 100  # dots: smaller arrays are also searched with looser seeds
 
 
+# Ratio of the distances of dots along and across the rows of a staggered array, beyond which it is read the other way.
+# It is √3 for a hexagonal array read so, and 1 for a square one that is turned by 45 degrees; this is the geometric
+# mean.
+NEARER = 3**0.25
+
+
 @dataclass(frozen=True, eq=False)  # arrays cannot be compared by ==: lattices are equal if identical
 class Lattice:
     """Dots that form one lattice.
@@ -190,6 +196,12 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
 
     "square": column and row along the basis. "staggered": along its diagonals, odd rows shifted by half a pitch.
     """
+    layout, across, down = _reading(lattice)
+    return layout, np.stack([across // (2 if layout == "staggered" else 1), down], 1)
+
+
+def _reading(lattice: Lattice) -> tuple[str, Integers, Integers]:
+    """Layout, and steps across and down of every dot, (m,), from 0; dots in a row of a staggered array are 2 apart."""
     a, b = lattice.index.T
     options = [("square", a, b)]
     pairs = ((a - b, a + b), (a + b, b - a), (2 * a + b, b), (2 * b + a, a), (2 * a - b, b), (2 * b - a, a))
@@ -205,20 +217,25 @@ def rows_and_columns(lattice: Lattice) -> tuple[str, Integers]:
         if fill > most:
             best, most = (layout, across, down), fill
     layout, across, down = best
-    column = (across - across.min()) // (2 if layout == "staggered" else 1)
-    return layout, np.stack([column, down - down.min()], 1)
+    return layout, across - across.min(), down - down.min()
 
 
 def array_size(lattice: Lattice, points_px: Array) -> tuple[str, int, int]:
-    """Layout, and how many dots the array has across and down as the image shows it.
+    """Layout, and number of dots across and down as the image shows it.
 
-    points_px: (m, 2) places of the lattice's dots. The rows of a staggered array are those that are shifted.
+    points_px: (m, 2) positions of the lattice's dots. Both rows and columns of a staggered array are shifted
+    alternately, so that 14 × 24 dots are 12 × 28 as well: rows are along the smaller distance between dots.
     """
-    layout, index = rows_and_columns(lattice)
-    columns, rows = (int(count) for count in index.max(axis=0) + 1)
-    step, *_ = np.linalg.lstsq(np.c_[index, np.ones(len(index))], points_px, rcond=None)
-    upright = abs(step[0, 1]) > abs(step[0, 0])  # the lattice's columns run down the image
-    return (layout, rows, columns) if layout == "square" and upright else (layout, columns, rows)
+    layout, across, down = _reading(lattice)
+    step, *_ = np.linalg.lstsq(np.c_[across, down, np.ones(len(across))], points_px, rcond=None)
+    if layout == "square":
+        columns, rows = int(across.max()) + 1, int(down.max()) + 1
+        upright = abs(step[0, 1]) > abs(step[0, 0])  # the lattice's columns run down the image
+        return (layout, rows, columns) if upright else (layout, columns, rows)
+    across_px, down_px = np.hypot(*step[:2].T)
+    if across_px > NEARER * down_px:
+        across, down = down, across
+    return layout, (int(across.max()) + 2) // 2, int(down.max()) + 1
 
 
 def places_without_dot(dots: Dots, lattice: Lattice) -> tuple[Integers, Array]:

@@ -43,6 +43,18 @@ def test_a_staggered_array_is_one_in_either_basis(aside: tuple[float, float]) ->
     assert array_size(Lattice(np.arange(20), index), points) == ("staggered", 4, 5)
 
 
+@pytest.mark.parametrize("turn", range(6))
+@pytest.mark.parametrize("apart", [1, 2, -1, -2])
+def test_a_hexagonal_array_has_its_rows_along_the_nearest_dots_in_any_basis(turn: int, apart: int) -> None:
+    """14 × 24 dots are 12 × 28, too; neighbours at 60 or 120 degrees are a basis."""
+    column, row = (each.ravel() for each in np.meshgrid(range(14), range(24), indexing="ij"))
+    points = 20.0 * np.column_stack([column + 0.5 * (row % 2), np.sqrt(0.75) * row])
+    along, aside = np.exp(1j * np.pi / 3 * np.array([turn, turn + apart]))
+    basis = 20.0 * np.array([[along.real, along.imag], [aside.real, aside.imag]])
+    index = np.rint(points @ np.linalg.inv(basis)).astype(np.int64)
+    assert array_size(Lattice(np.arange(len(index)), index), points) == ("staggered", 14, 24)
+
+
 def test_a_speck_beside_the_array_is_no_member_and_a_dot_without_a_row_is_none() -> None:
     strays = np.array([(6, 1), (6, 2), (9, 9)])
     points = np.concatenate([seen(), cv2.perspectiveTransform(strays[None].astype(float), SLANT)[0]])
