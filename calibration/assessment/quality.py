@@ -69,6 +69,11 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if misfit := _misfit(calibration):
         reasons += misfit
         steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
+    if printed := _stretched(calibration):
+        (reasons if abs(calibration.excess) / 2 > calibration.stated.scale_sigma else notes).append(printed)
+        steps.append(
+            "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
+        )
     if wrong := _wrong_size(calibration):
         reasons += wrong
         steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
@@ -189,6 +194,20 @@ def _wrong_size(calibration: Calibration) -> list[str]:
         "diameter_mm is wrong; a wrong pitch makes every length wrong"
     )
     return [sentence]
+
+
+def _stretched(calibration: Calibration) -> str:
+    """Sentence about a gauge that is stretched one way; empty if its file agrees with the images."""
+    excess, (along, down) = calibration.excess, calibration.stated.pitch_mm
+    if excess == 0.0:
+        return ""
+    longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
+    size = abs(excess)
+    return (
+        f"the gauge is {100 * size:.2g} % (± {196 * calibration.excess_sigma:.1g} %) longer along {longer} than along {shorter}, compared with its file: "
+        f"pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
+        f"the images do not show which, so that lengths are uncertain by {50 * size:.2g} %"
+    )
 
 
 def _misfit(calibration: Calibration) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.assignment.gauge_in_image import FEWEST_DOTS, Sighting, sight, view_of
+from calibration.assignment.gauge_in_image import FEWEST_DOTS, Sighting, sight
 from calibration.assignment.neighbours import nearest
 from calibration.assignment.wrong_gauge import does_not_fit
 from calibration.camera import PARAMETERS, POSE, Camera
@@ -21,26 +21,22 @@ from calibration.estimation.bundle_adjustment import (
     outliers,
     solve,
     solve_discs,
-    with_disc_offsets,
 )
 from calibration.estimation.flatness import (
     QUADRATIC,
-    TERMS,
     Flatness,
     bend_scale,
     coefficient_sigma,
     flatness_of,
     rest_covariance,
 )
-from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance, with_tolerance
-from calibration.estimation.initial_values import rough_prior, rough_start
-from calibration.estimation.model_choice import Trial, choose_model
+from calibration.estimation.gauge_as_printed import FOREIGN_PITCH, as_printed, stretch
+from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance
+from calibration.estimation.initial_values import rough_prior
+from calibration.estimation.model_choice import Trial
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
-# Residual, as a share of the pitch, that no lens explains: with the right gauge file the worst real set (a bent sheet
-# of paper) has 0.7 %; a wrong pitch ratio or layout gives 5 %.
-FOREIGN_PITCH = 0.02
 # Largest share of outlying dots in an image: glare and dirt affect a tenth of the dots; a third means another camera,
 # another plate or a bent one.
 MOST_LEFT_OUT = 1 / 3
@@ -51,14 +47,16 @@ FEWEST_IMAGES = 3  # that must remain if others are left out: fewer do not show 
 class Calibration:
     """A camera with the evidence for its quality.
 
-    camera: in the frame of the plate image. sightings: per image. fit: solved bundle over the dots used; views:
-    those dots. trials: lens models tried, best first. rejected: per image, count of dots left out as outliers.
-    distance_mm: measured height of the lens and its sigma, if given. flatness: of the gauge; None for a single image of
-    a gauge without stated flatness, which does not determine it. left_out: images that were not used, with the reason.
+    camera: in the frame of the plate image. gauge: as the images show it; stated: as its file says. sightings: per
+    image. fit: solved bundle over the dots used; views: those dots. trials: lens models tried, best first. rejected:
+    per image, count of dots left out as outliers. distance_mm: measured height of the lens and its sigma, if given.
+    flatness: of the gauge; None for a single image of a gauge without stated flatness, which does not determine it.
+    left_out: images that were not used, with the reason.
     """
 
     camera: Camera
     gauge: Gauge
+    stated: Gauge
     sightings: tuple[Sighting, ...]
     views: tuple[View, ...]
     fit: Fit
@@ -68,6 +66,17 @@ class Calibration:
     distance_mm: tuple[float, float] | None = None
     flatness: Flatness | None = None
     left_out: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def excess(self) -> float:
+        """Relative length of the gauge along columns over that along rows, minus 1; 0 if it is as its file says."""
+        (along, down), (stated_along, stated_down) = self.gauge.pitch_mm, self.stated.pitch_mm
+        return (along / stated_along) / (down / stated_down) - 1.0
+
+    @property
+    def excess_sigma(self) -> float:
+        """Standard uncertainty of the excess."""
+        return stretch(list(self.views), self.fit, self.gauge)[1]
 
     @property
     def rms_px(self) -> float:
@@ -169,21 +178,17 @@ def _solved(
 ) -> Calibration:
     """The camera from sightings of the gauge, that of the plate first. Raises ImageError for an unusable one."""
     _check_extent(sightings, gauge)
-    views = [view_of(sighting, gauge, on_plate=k == 0) for k, sighting in enumerate(sightings)]
     size_px = sightings[0].dots.size_px
     prior = replace(rough_prior(size_px), distance_mm=distance_mm, face_mm=coefficient_sigma(gauge))
-    rough = rough_start(views, size_px, prior)
-    if not rough:
-        raise CalibrationError(
-            f"{sightings[0].name}: no camera model fits the dots; do all images show the gauge {gauge.name!r}?"
-        )
-    views = with_tolerance(views, rough[0].state, gauge.tolerance)
-    fit, used, trials = _solve_robustly(views, rough, prior, _faces(gauge, len(views)))
+    stated = gauge
+    gauge, views, trials = as_printed(sightings, stated, prior)
+    fit, used = _without_outliers(views, trials[0].fit, prior)
     _check_pitch(fit, used, gauge)
     flatness = _flatness(fit, used, gauge, prior)
     return Calibration(
         camera=_camera(fit, used, gauge, flatness, size_px),
         gauge=gauge,
+        stated=stated,
         sightings=tuple(sightings),
         views=tuple(used),
         fit=fit,
@@ -202,17 +207,6 @@ def _check_extent(sightings: Sequence[Sighting], gauge: Gauge) -> None:
         short = [sighting for sighting in sightings if sighting.match.extent[axis] == "short"]
         if short and not any(sighting.match.extent[axis] == "whole" for sighting in sightings):
             raise CalibrationError(f"{short[0].name}: {does_not_fit(short[0].lattice, gauge)}")
-
-
-def _faces(gauge: Gauge, views: int) -> tuple[int, ...]:
-    """Numbers of terms of the gauge's face to try.
-
-    If flatness is stated, all terms are free within it. Otherwise cross-validation decides, except for a single image,
-    which cannot distinguish a bent gauge from lens distortion.
-    """
-    if gauge.tolerance.flatness_mm is not None:
-        return (TERMS,)
-    return (0, QUADRATIC, TERMS) if views > 1 else (0,)
 
 
 def _flatness(fit: Fit, views: list[View], gauge: Gauge, prior: Prior) -> Flatness | None:
@@ -240,13 +234,9 @@ def _check_pitch(fit: Fit, views: list[View], gauge: Gauge) -> None:
             )
 
 
-def _solve_robustly(
-    views: list[View], rough: list[Fit], prior: Prior, faces: tuple[int, ...]
-) -> tuple[Fit, list[View], list[Trial]]:
-    """Choose the model with a robust cost, then remove outliers and solve again."""
-    used = with_disc_offsets(views, rough[0].state)
-    trials = choose_model(used, rough, prior, faces)
-    fit, used = solve_discs(used, trials[0].fit.state, prior)
+def _without_outliers(views: list[View], chosen: Fit, prior: Prior) -> tuple[Fit, list[View]]:
+    """Solve the chosen model, remove outliers and solve again."""
+    fit, used = solve_discs(views, chosen.state, prior)
     for _ in range(3):
         keep = outliers(fit)
         if all(part.all() for part in keep):
@@ -254,7 +244,7 @@ def _solve_robustly(
         used = [view.take(part) for view, part in zip(used, keep, strict=True)]
         _check_left_out(views, used)
         fit, used = solve_discs(used, fit.state, prior)
-    return fit, used, trials
+    return fit, used
 
 
 def _check_left_out(views: list[View], used: list[View]) -> None:

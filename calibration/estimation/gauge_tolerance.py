@@ -34,7 +34,7 @@ def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> lis
         return views
     wider = []
     for k, view in enumerate(views):
-        by_point = _by_plane(view, state, k)
+        by_point = by_plane(view, state, k)
         inverse = np.linalg.inv(view.whitening)
         covariance = inverse @ np.swapaxes(inverse, 1, 2)
         covariance = covariance + tolerance.dot_mm**2 * by_point @ np.swapaxes(by_point, 1, 2)
@@ -75,10 +75,10 @@ def _pulls(view: View, fit: Fit, k: int) -> tuple[NDArray[np.int64], Array]:
     """Indices of a view's unknowns in the normal matrix, and the gradient (n, unknowns, 2) by each dot's position."""
     _, white, by_parameter = view_rows(view, fit.state, k)
     by_parameter = by_parameter * huber_weights(white, fit.scale)[:, None, None]  # those of the normal matrix
-    by_dot = view.whitening @ _by_plane(view, fit.state, k)
+    by_dot = view.whitening @ by_plane(view, fit.state, k)
     return places_of_view(fit.state, k), np.swapaxes(by_parameter, 1, 2) @ by_dot
 
 
-def _by_plane(view: View, state: State, k: int) -> Array:
+def by_plane(view: View, state: State, k: int) -> Array:
     """Derivative of the image points by x and y on the gauge, (n, 2, 2)."""
     return project(points_of(view, state), state.parameters(k), state.model)[1][:, :, :2]

@@ -67,7 +67,7 @@ def choose_model(views: list[View], rough: list[Fit], prior: Prior, faces: tuple
     if len(faces) > 1:
         best = min(trials, key=lambda trial: trial.held_out)
         bent = _trials(views, [best.fit], prior, faces[1], ((best.model, best.free),))
-        if bent[0].held_out < best.held_out - _chance(best, views):
+        if bent[0].held_out < best.held_out - chance(best, views):
             for face in faces[1:]:
                 trials += _trials(views, rough, prior, face)
     near = _near(trials, views)
@@ -112,10 +112,10 @@ def _every(view: View, views: list[View]) -> NDArray[np.bool_]:
 def _near(trials: list[Trial], views: list[View]) -> float:
     """Held-out error that counts as equal to the best: a term must gain more than by chance (two σ²)."""
     best = min(trials, key=lambda trial: trial.held_out)
-    return best.held_out + _chance(best, views)
+    return best.held_out + chance(best, views)
 
 
-def _chance(best: Trial, views: list[View]) -> float:
+def chance(best: Trial, views: list[View]) -> float:
     """Gain of an unnecessary term by chance."""
     return 2 * best.fit.variance / max(sum(len(view) for view in views), 1)
 

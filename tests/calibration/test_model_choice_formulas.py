@@ -17,7 +17,8 @@ from calibration.estimation.bundle_adjustment import (
     solve,
     view_rows,
 )
-from calibration.estimation.calibrate import Faults, _check_left_out, _check_pitch, _faces
+from calibration.estimation.calibrate import Faults, _check_left_out, _check_pitch
+from calibration.estimation.gauge_as_printed import _faces
 from calibration.estimation.model_choice import Trial, _every, _fold, _held_out, choose_model
 from tests.calibration.bundles import CAMERA, GAUGE, LOOSE, bundle
 from tests.calibration.drawing import gauge_of

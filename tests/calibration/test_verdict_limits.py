@@ -55,6 +55,9 @@ def calibration(camera: Camera = CAMERA, **said: Any) -> Any:
     usual: dict[str, Any] = {
         "camera": camera,
         "gauge": gauge_of(),
+        "stated": gauge_of(),
+        "excess": 0.0,
+        "excess_sigma": 1e-4,
         "sightings": (dots,) * 5,
         "views": (whole,) * 5,
         "fit": SimpleNamespace(variance=1.0, state=SimpleNamespace(poses=poses)),
@@ -80,6 +83,15 @@ def test_residuals_from_three_times_the_sharpness_of_dots_on_are_a_misfit(sigmas
     fit = SimpleNamespace(variance=sigmas**2, state=calibration().fit.state)
     assert bool(_misfit(calibration(fit=fit))) == wrong
     assert (assess(calibration(fit=fit)).level == "limited") == wrong
+
+
+@pytest.mark.parametrize(("excess", "level"), [(0.0019, "sound"), (0.0021, "limited"), (-0.0021, "limited")])
+def test_gauge_stretched_by_more_than_twice_its_stated_tolerance_is_a_reason_for_doubt(
+    excess: float, level: str
+) -> None:
+    verdict = assess(calibration(known(focal_px=0.1), excess=excess))
+    assert verdict.level == level
+    assert any(f"{100 * abs(excess):.2g} % (± 0.02 %) longer along" in said for said in (*verdict.notes, *verdict.reasons))
 
 
 def _seen(size_ratio: float) -> SimpleNamespace:

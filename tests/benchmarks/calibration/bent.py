@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from calibration.camera import Camera
-from calibration.estimation import calibrate as solve
+from calibration.estimation import gauge_as_printed as solve
 from calibration.estimation.calibrate import calibrate
 from calibration.estimation.flatness import TERMS, face_terms
 from calibration.gauge.geometry import Gauge

@@ -1,0 +1,60 @@
+"""A gauge that is longer one way than its file says: told from pixels that are not square, corrected, and counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.assessment.quality import assess
+from calibration.camera import camera_above
+from calibration.estimation.bundle_adjustment import solve
+from calibration.estimation.calibrate import calibrate
+from calibration.estimation.gauge_as_printed import stretch, stretched
+from tests.calibration.bundles import FREE, GAUGE, LOOSE, bundle
+from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
+
+
+@pytest.mark.parametrize("excess", [0.0, 0.004, -0.004])
+def test_stretch_of_a_gauge_is_measured_within_its_uncertainty(excess: float) -> None:
+    views, state = bundle(4)
+    # The file says that the gauge is shorter one way than it was when the views were taken.
+    filed = stretched(GAUGE, -excess)
+    places = np.column_stack([filed.positions_mm().reshape(-1, 2), np.zeros(88)])
+    views = [replace(view, points_mm=places) for view in views]
+    fit = solve(views, replace(state, free=(*FREE, "aspect")), LOOSE)
+    found, sigma = stretch(views, fit, filed)
+    assert abs(found - excess) < 3 * sigma
+    assert sigma < 4e-4
+
+
+def test_pixels_that_are_not_square_are_no_stretch() -> None:
+    views, state = bundle(4)
+    lens = state.lens.copy()
+    lens[1] = 1.004
+    squeezed = [replace(view, centers_px=(view.centers_px - lens[2:4]) * [1.0, 1.004] + lens[2:4]) for view in views]
+    free = (*FREE, "aspect")
+    found, sigma = stretch(squeezed, solve(squeezed, replace(state, lens=lens, free=free), LOOSE), GAUGE)
+    assert abs(found) < 3 * sigma
+
+
+def test_stretched_gauge_keeps_its_mean_pitch_and_counts_half_its_stretch_as_uncertainty() -> None:
+    found = stretched(gauge_of(pitch_tolerance_percent=0.1), 0.004)
+    assert found.pitch_mm == pytest.approx((3.006, 2.994))
+    assert found.scale_sigma == pytest.approx(np.hypot(0.001, 0.002))
+
+
+def test_sheet_printed_too_long_one_way_gives_the_camera_as_it_is() -> None:
+    camera = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)
+    rng = np.random.default_rng(6)
+    views = random_poses(camera, 4, rng, tilt_deg=25, shift_mm=2)
+    printed = gauge_of(columns=12, pitch_mm=(3.006, 2.994))
+    found = calibrate([draw_gauge(view, printed, rng=rng, snr=50) for view in views], gauge_of(columns=12))
+    assert abs(found.excess - 0.004) < 3 * found.excess_sigma < 6e-4
+    verdict = assess(found)
+    assert verdict.level == "limited"
+    assert any("longer along columns than along rows" in reason for reason in verdict.reasons)
+    points = np.stack(np.meshgrid(np.linspace(20, 380, 5), np.linspace(20, 280, 4)), axis=-1)
+    error = found.camera.plate_from_image(points, 6.5) - camera.plate_from_image(points, 6.5)
+    assert np.sqrt(np.mean(error**2)) < 0.002  # 0.02 where the file is believed
