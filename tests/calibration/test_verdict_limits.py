@@ -91,7 +91,9 @@ def test_gauge_stretched_by_more_than_twice_its_stated_tolerance_is_a_reason_for
 ) -> None:
     verdict = assess(calibration(known(focal_px=0.1), excess=excess))
     assert verdict.level == level
-    assert any(f"{100 * abs(excess):.2g} % (± 0.02 %) longer along" in said for said in (*verdict.notes, *verdict.reasons))
+    assert any(
+        f"{100 * abs(excess):.2g} % (± 0.02 %) longer along" in said for said in (*verdict.notes, *verdict.reasons)
+    )
 
 
 def _seen(size_ratio: float) -> SimpleNamespace:

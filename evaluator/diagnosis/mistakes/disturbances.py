@@ -9,7 +9,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
-from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, stretches, unlike
+from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
@@ -20,7 +20,6 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
-from evaluator.diagnosis.mistakes.phases import phases_of
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
