@@ -204,7 +204,8 @@ def _stretched(calibration: Calibration) -> str:
     longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
     size = abs(excess)
     return (
-        f"the gauge is {100 * size:.2g} % (± {196 * calibration.excess_sigma:.1g} %) longer along {longer} than along {shorter}, compared with its file: "
+        f"the gauge is {100 * size:.2g} % (± {196 * calibration.excess_sigma:.1g} %) longer along {longer} than along "
+        f"{shorter}, compared with its file: "
         f"pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
         f"the images do not show which, so that lengths are uncertain by {50 * size:.2g} %"
     )
