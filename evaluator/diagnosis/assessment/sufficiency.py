@@ -13,7 +13,7 @@ from scipy import special
 
 from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy
 from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
-from evaluator.diagnosis.inference.search import EXPLAINED
+from evaluator.diagnosis.inference.fit import EXPLAINED
 
 SEVERAL = 2  # runs that one law must explain; a single one it may have been fitted to
 ODD_SHARE = 0.05  # share of recordings that go wrong by themselves

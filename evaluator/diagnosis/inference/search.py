@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
+from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, Fit, fit_model
 from evaluator.diagnosis.likelihood.problem import Point, Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Values
 from simulator.effects.coordinates import Candidate
@@ -23,9 +23,6 @@ LARGEST_ON_GROUND = 4
 RIVALS_KEPT = 4  # sets that are fitted again under another noise, or to all runs
 # Friction and gains: typical of wet or dusty plates and DC motors. Start: in its stated standard deviations.
 USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
-# Mean square of whitened residuals below which a model explains the runs: the noise of slow modes is extrapolated from
-# fast ones to some ten per cent, while the residuals of a wrong model are several times as large.
-EXPLAINED = 1.5
 # Steps of fits, each a linearization of all runs (a quarter of a second for 24 runs of 10 s), after which a search fits
 # no further sets: if no model explains the runs, every fit is long, and further fits do not change the verdict.
 MOST_STEPS = 100

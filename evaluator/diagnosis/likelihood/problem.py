@@ -19,7 +19,7 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
 from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
-from evaluator.diagnosis.likelihood.jumps import jumps, smooth_slope, with_slopes
+from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
@@ -242,17 +242,57 @@ class Problem:
         features = [np.array(every[number * size : (number + 1) * size]) for number in range(len(runs))]
         before = [bases.get((column.key, column.start), 0) if column.start is not None else 0 for column in columns]
         views = [self._linearized(point, columns, run, item, before) for run, item in zip(runs, features, strict=True)]
-        if not self.open_ground:
-            return views
         steps = np.array([0.0 if column.to is not None else column.step for column in columns])
-        jumped = [(number, i) for number, view in enumerate(views) if view for i in jumps(view.common, steps)]
-        behind = [points[before[i]].moved(columns[i], -steps[i]) for _, i in jumped]
-        able = [(at, place) for at, place in zip(jumped, behind, strict=True) if place.is_within_bounds(columns[at[1]])]
-        slopes = {(number, i): np.zeros_like(features[number][0]) for number, i in jumped}
-        found = self.features([place.task(runs[number]) for (number, _), place in able])
+        doubtful = (
+            self._jumping(views, steps) if self.open_ground else self._bending(point, columns, runs, views, steps)
+        )
+        behind = [points[before[i]].moved(columns[i], -steps[i]) for _, i in doubtful]
+        able = [(at, far) for at, far in zip(doubtful, behind, strict=True) if far.is_within_bounds(columns[at[1]])]
+        slopes = {at: np.zeros_like(features[at[0]][0]) for at in doubtful if self.open_ground}
+        found = self.features([far.task(runs[number]) for (number, _), far in able])
         for ((number, i), _), item in zip(able, found, strict=True):
-            slopes[number, i] = smooth_slope(features[number][before[i]], item, steps[i])
+            here, view = features[number][before[i]], views[number]
+            assert view is not None
+            if self.open_ground:
+                slopes[number, i] = smooth_slope(here, item, steps[i])
+            elif np.isfinite(item).all():
+                slopes[number, i] = central_slope(view.common[:, i], here, item, steps[i])
         return with_slopes(views, slopes, _theta(point, columns))
+
+    @staticmethod
+    def _jumping(views: Sequence[Linearized | None], steps: Floats) -> list[tuple[int, int]]:
+        """Numbers of views and columns whose derivative contains a jump."""
+        return [(number, i) for number, view in enumerate(views) if view for i in jumps(view.common, steps)]
+
+    def _bending(
+        self,
+        point: Point,
+        columns: Sequence[Column],
+        runs: Sequence[int],
+        views: Sequence[Linearized | None],
+        steps: Floats,
+    ) -> list[tuple[int, int]]:
+        """Numbers of views and columns of the model whose derivatives need differences to both sides."""
+        inside = [
+            i
+            for i, column in enumerate(columns)
+            if (column.term is None or column.key in point.terms)
+            and point.moved(column, -steps[i]).is_within_bounds(column)
+        ]
+        sound = [(number, view) for number, view in enumerate(views) if view is not None]
+        if not inside or not sound:
+            return []
+        behind = point
+        for i in inside:
+            behind = behind.moved(columns[i], -steps[i])
+        tasks = [place.task(runs[number]) for number, _ in sound for place in (point, behind)]
+        found = self.features(tasks)
+        return [
+            (number, i)
+            for (number, view), here, there in zip(sound, found[::2], found[1::2], strict=True)
+            if bends(view, inside, steps, there - here)
+            for i in inside
+        ]
 
     def _tasks(self, point: Point, points: Sequence[Point], run: int) -> list[Task]:
         """Tasks for the derivatives of one run, those by its own parameters last."""

@@ -94,14 +94,45 @@ def test_a_fit_on_ground_goes_on_over_a_jump_of_one_run_and_keeps_the_best_point
     assert fit_of(Steps(-6.0), 1.0).point.terms["drift"] == (0.0,)  # a plate's only goes down
 
 
-def test_what_no_step_reached_is_taken_from_the_evidence_on_ground_and_is_no_evidence_on_a_plate() -> None:
+def test_what_no_step_reached_is_taken_from_the_evidence() -> None:
     ground, plate = (fit_of(Steps(-40.0), length) for length in (100.0, 1.0))
     assert ground.converged
     assert ground.point.terms["drift"] == (0.0,)
     there = fit_of(Steps(0.0), 100.0).posterior.log_evidence  # what the view at 0 promises
     assert ground.posterior.log_evidence == pytest.approx(there - ground.shortfall / 2)
     assert ground.shortfall > 5
-    assert not plate.converged
+    assert plate.excess < 1.5  # on a plate, too, where the model explains the runs
+    assert plate.converged
+    assert plate.shortfall > 5
+
+
+@dataclass(frozen=True)
+class Bent(Steps):
+    """A world whose runs drift by a parabola of the parameter."""
+
+    bend: float = 0.0
+
+    def marks(self, tasks: list[Task]) -> list[Any]:
+        """Marks of every task."""
+        sizes = [task.terms.get("drift", (0.0,))[0] for task in tasks]
+        changed = [{"drift": (size + self.bend * size**2,)} for size in sizes]
+        return super().marks([replace(task, terms=terms) for task, terms in zip(tasks, changed, strict=True)])
+
+
+@pytest.mark.parametrize(
+    ("bend", "length", "taken_at"), [(2000.0, 1.0, 0.1), (200.0, 1.0, 0.11), (2000.0, 100.0, 0.11)]
+)
+def test_a_slope_is_taken_from_both_sides_where_motion_on_a_plate_bends(
+    bend: float, length: float, taken_at: float
+) -> None:
+    """A step is 0.02, so that a difference to one side is the slope at 0.11 instead of 0.1."""
+    problem = problem_of(Bent(0.0, bend=bend), length)
+    (view,) = problem.linearized(Point(np.zeros((3, 7)), terms={"drift": (0.1,)}), [Column("drift", 0, DRIFT)], [0])
+    across = np.linspace(0.0, 1.0, FRAMES) ** 2
+    if length == 1.0:
+        assert view.common[FRAMES : 2 * FRAMES, 0] == pytest.approx((1 + 2 * bend * taken_at) * across, rel=1e-6)
+    else:  # there such a step is a jump, to both sides
+        assert not view.common.any()
 
 
 def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood.jumps import jumps, with_slopes
+from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, with_slopes
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
@@ -21,6 +21,27 @@ def test_a_slope_jumps_where_its_step_moves_the_features_by_more_than_a_sigma() 
     slopes = np.array([[3.0, 3.0, -3.0], [4.0, 4.0, 4.0]])
     assert jumps(slopes, np.array([0.19, 0.21, -0.21])) == [1, 2]
     assert jumps(slopes, np.zeros(3)) == []
+
+
+def test_motion_bends_where_slopes_miss_a_fifth_of_a_sigma_and_a_twentieth_of_a_step_that_no_start_pose_makes() -> None:
+    start = np.eye(5)[:, :3]
+    view = Linearized(np.zeros(5), np.array([[9.0, 9.0, 9.0, 2.0, 0.0], [0.0] * 5]).T, start, np.zeros((5, 4)))
+    steps, along, aside = np.array([0.5, 7.0]), np.eye(5)[3], np.eye(5)[4]
+    expected = view.common[:, 0] * 0.5  # 1 along the fourth feature; the rest is a start pose
+    assert [bends(view, [0], steps, expected + size * aside) for size in (0.19, 0.21)] == [False, True]
+    assert [bends(view, [0], steps, expected - size * along) for size in (0.19, 0.21)] == [False, True]
+    assert not bends(view, [0], steps, expected + 5 * start[:, 0])
+    steep = Linearized(view.response, 10 * view.common, start, view.scatter)  # 10 by a step
+    assert [bends(steep, [0], steps, 10 * expected + size * aside) for size in (0.49, 0.51)] == [False, True]
+
+
+def test_a_central_slope_is_exact_for_a_parabola() -> None:
+    def features(value: float) -> np.ndarray:
+        return np.array([3.0, -1.0]) * value + np.array([40.0, 7.0]) * value**2
+
+    forward = (features(0.2) - features(0.7)) / 0.5  # minus the derivative, as the slopes of a residual
+    found = central_slope(forward, features(0.2), features(-0.3), 0.5)
+    np.testing.assert_allclose(found, -np.array([3.0 + 16.0, -1.0 + 2.8]))
 
 
 def test_views_with_other_slopes_predict_the_same_features_where_they_are_seen() -> None:

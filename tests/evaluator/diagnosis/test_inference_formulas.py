@@ -223,8 +223,10 @@ def walked(
     evidence: list[float] | None = None,
     now: list[float] | None = None,
     rival: float = -np.inf,
+    excess: float = 3.0,
 ) -> Fit:
     """A fit whose steps promise these decreases; now: -2 log density at each, on open ground."""
+    monkeypatch.setattr(Fit, "excess", excess)
     step = iter(range(20))
     seen = evidence or [0.0] * 20
     monkeypatch.setattr(
@@ -256,6 +258,15 @@ def test_a_fit_ends_where_little_is_promised_or_where_it_does_not_improve(monkey
     assert (walked(monkeypatch, [9.0]).converged, walked(monkeypatch, [9.0]).steps) == (False, 10)
     assert walked(monkeypatch, [4.9], better=False).converged  # rough, not wrong
     assert not walked(monkeypatch, [5.1], better=False).converged
+
+
+def test_a_model_that_explains_the_runs_counts_with_what_it_has_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    explains = walked(monkeypatch, [59.0], better=False, excess=1.4)
+    assert (explains.converged, explains.shortfall, explains.posterior.log_evidence) == (True, 59.0, -29.5)
+    assert not walked(monkeypatch, [59.0], better=False, excess=1.6).converged
+    assert not walked(monkeypatch, [61.0], better=False, excess=1.4).converged
+    assert walked(monkeypatch, [9.0], excess=1.4).shortfall == 9.0  # after the last step, too
+    assert walked(monkeypatch, [4.0], better=False, excess=1.4).shortfall == 0.0
 
 
 def test_a_fit_gives_up_where_only_friction_that_no_run_can_have_promises_a_little_more(
