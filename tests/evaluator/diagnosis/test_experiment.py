@@ -113,6 +113,16 @@ def test_a_whole_command_and_repeats_are_kept_aside() -> None:
     assert {data[number].command for number in aside} - fitted == {(20.0, 20.0)}
 
 
+def test_the_fastest_command_is_kept_aside_whose_direction_and_side_others_have() -> None:
+    runs = [(20.0, 20.0), (-70.0, -70.0), (40.0, 40.0), (60.0, 60.0), (30.0, 10.0), (30.0, 10.0), (10.0, 90.0)]
+    assert held_out_runs(_runs(runs)) == (3,)
+
+
+def test_of_three_commands_none_is_kept_aside_as_a_whole_but_the_middle_repetitions() -> None:
+    runs = [(20.0, 20.0), (40.0, 40.0), *[(60.0, 60.0)] * 5, *[(40.0, 40.0)] * 5]
+    assert held_out_runs(_runs(runs)) == (4, 9)  # the fourth of the six of 40 rpm, the third of the five of 60 rpm
+
+
 def test_one_command_alone_cannot_decide() -> None:
     assert "same command" in shortcomings(_runs([(30.0, 30.0)] * 8))[0]
     assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4)) == []
