@@ -86,9 +86,10 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):
         return found
-    reason = "" if found.follows else "neither the nominal model nor any effect could be fitted to the marks"
     if not found.follows:
+        reason = "neither the nominal model nor any effect could be fitted to the marks"
         return replace(found, verdict="unknown", reason=reason)
+    reason = ""
     if found.verdict == "none" and not found.negligible:
         missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
         reason = (

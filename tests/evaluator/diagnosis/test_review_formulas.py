@@ -1,0 +1,151 @@
+"""From an answer to the verdict: its gap, the runs that it misses, and what contradicts it, with stand-ins."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import review
+from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.result import Diagnosis
+
+TILT, FREE = frozenset({"plate-tilt"}), frozenset({"free:x"})
+NOMINAL, FITTED, PER_RUN = Point(np.zeros((4, 7))), Point(np.ones((4, 7))), np.ones((4, 7))
+
+
+def reviewed(
+    monkeypatch: pytest.MonkeyPatch,
+    gaps_mm: list[float],
+    *,
+    chosen: frozenset[str] = TILT,
+    held_out: tuple[int, ...] = (),
+) -> tuple[Diagnosis, dict[str, Any]]:
+    """The review of an answer over four runs whose marks it misses by these gaps, and what it began from.
+
+    A run counts as followed within 1 mm; one run of four may be odd.
+    """
+    session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(1, 2))
+    problem: Any = SimpleNamespace(of_tracking=SimpleNamespace())
+    fit = SimpleNamespace(point=FITTED, posterior=SimpleNamespace(scatter=np.ones(4)))
+    part: Any = SimpleNamespace(problem=problem, fits={chosen: fit})
+    everything: Any = SimpleNamespace(fits={chosen: fit})
+    began: dict[str, Any] = {}
+    gaps = iter([np.array(gaps_mm), np.array(gaps_mm), np.full(4, 9.0)])
+    predicted = iter([(np.full(4, 5.0), {0: "before"}), (np.full(4, 4.0), {1: "after"})])
+
+    def started(_: Any, point: Point, *__: Any) -> str:
+        began["before"] = point
+        return "started"
+
+    parts: dict[str, Any] = {
+        "place_runs": lambda _, point, *__: point,
+        "place_starts": started,
+        "run_gaps": lambda *_: next(gaps),
+        "noise_floor": lambda *_: np.full(4, 0.1),
+        "farthest_followed": lambda *_: np.full(4, 1.0),
+        "pieces": lambda _, point: f"pieces of {point if isinstance(point, str) else 'the fit'}",
+        "counting_data": lambda _: "data",
+        "later_started": lambda data, known, _: (data, known),
+        "with_session": lambda robot, *_: robot,
+        "corrected_robot": lambda robot, *_: f"{robot} with it",
+        "predicted_gaps": lambda _, robots, __: began.setdefault("robots", []).append(robots[0]) or next(predicted),
+        "confirmation": lambda *_: 7.0,
+        "most_telling": lambda seen: [f"most of {seen}"],
+        "dependences": lambda seen: [f"all of {seen}"],
+        "every_dependence": lambda seen: [f"every of {seen}"],
+        "as_taken": lambda item: -item,
+        "_doubted": lambda found, _: found,
+    }
+    for name, part_of in parts.items():
+        monkeypatch.setattr(review, name, part_of)
+    found = Diagnosis("effect" if chosen else "none", "so", session, held_out, chosen=chosen, terms={}, known=(5,))  # type: ignore[arg-type]
+    found = Diagnosis(**{**vars(found), "fit_search": part, "search": everything, "known_together": "together"})
+    return review.reviewed(found, NOMINAL), began
+
+
+def test_a_review_tells_the_gap_before_and_after_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, began = reviewed(monkeypatch, [0.2, 0.3, 1.1, 0.2], held_out=(3,))
+    assert found.gap is not None
+    assert found.gap.before_mm.tolist() == [9.0] * 4
+    assert found.gap.after_mm.tolist() == [0.2, 0.3, 1.1, 0.2]
+    assert (found.gap.predicted_before_mm[0], found.gap.predicted_after_mm[0]) == (5.0, 4.0)
+    assert found.gap.not_predicted == {0: "before", 1: "after"}
+    assert began["robots"] == ["robot", "robot with it"]
+    assert (found.outlying, found.follows, found.confirmation) == ((2,), True, 7.0)
+    np.testing.assert_array_equal(began["before"].per_run, PER_RUN)
+    assert (found.pieces, found.pieces_after) == ("pieces of started", "pieces of the fit")
+    assert (found.where, found.left) == (("most of pieces of started",), ("every of pieces of the fit",))
+    assert (found.known, found.known_together) == ((5,), "together")
+
+
+def test_values_of_a_model_that_misses_more_runs_than_may_be_odd_mean_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, began = reviewed(monkeypatch, [0.2, 1.1, 1.1, 0.2])
+    assert (found.outlying, found.follows) == ((1, 2), False)
+    assert began["before"] is NOMINAL
+    assert (found.known, found.known_together) == ((-1, -2), None)
+    assert np.isnan(found.confirmation)  # no run was held out
+
+
+def test_where_nothing_is_added_all_dependences_are_told_and_the_gap_after_is_that_of_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, _ = reviewed(monkeypatch, [20.0, 0.2, 20.0, 0.2], chosen=frozenset(), held_out=(3,))
+    assert found.gap is not None
+    assert found.gap.after_mm.tolist() == found.gap.before_mm.tolist()
+    assert found.where == ("all of pieces of started",)
+    assert np.isnan(found.confirmation)
+
+
+def doubted(
+    monkeypatch: pytest.MonkeyPatch, found: Diagnosis, *, missed: str = "", grown: str = "", few: str = ""
+) -> Diagnosis:
+    """What is left of an answer where residuals, the gap, or the number of runs speak against it."""
+    monkeypatch.setattr(review, "unexplained", lambda *_: SimpleNamespace(sentence=missed) if missed else None)
+    monkeypatch.setattr(review, "grown_gap", lambda *_: grown)
+    monkeypatch.setattr(review, "not_shrunk", lambda *_: grown)
+    monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
+    monkeypatch.setattr(review, "reviewed", lambda again, _: again)
+    return review._doubted(found, NOMINAL)
+
+
+def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
+    parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5)), "gap": "gap"}
+    parts["search"] = SimpleNamespace(problem=None)
+    return Diagnosis(verdict, "so", chosen=chosen, **parts, **more)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "against", "said", "reason", "kept"),
+    [
+        ("none", {}, "none", "so", True),
+        ("none", {"missed": "yaw"}, "unknown", "significant residuals remain", True),
+        ("none", {"missed": "yaw", "few": "too few"}, "insufficient", "yaw; too few", False),
+        ("none", {"grown": "grows"}, "none", "so", True),  # nothing was added
+        ("effect", {}, "effect", "so", True),
+        ("effect", {"grown": "grows"}, "unknown", "grows", True),
+        ("effect", {"grown": "grows", "few": "too few"}, "insufficient", "grows; too few", False),
+        ("effect", {"missed": "yaw"}, "effect", "so", True),
+        ("effect", {"few": "too few"}, "effect", "so", True),
+        ("unknown", {"grown": "grows"}, "unknown", "so; grows with it", False),
+        ("insufficient", {"missed": "yaw"}, "insufficient", "so", True),
+    ],
+)
+def test_what_contradicts_an_answer(
+    verdict: str, against: dict[str, str], said: str, reason: str, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = {"effect": TILT, "unknown": FREE}.get(verdict, frozenset())
+    found = doubted(monkeypatch, answered(verdict, chosen), **against)
+    assert (found.verdict, found.chosen) == (said, chosen if kept else frozenset())
+    assert reason in found.reason
+
+
+def test_a_model_that_follows_no_run_is_unknown_and_effects_that_do_not_matter_leave_no_doubt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = doubted(monkeypatch, answered("effect", TILT, follows=False))
+    assert (found.verdict, found.reason.split(" ")[0]) == ("unknown", "neither")
+    small = answered("none", TILT, negligible=TILT)
+    assert doubted(monkeypatch, small, missed="yaw").verdict == "none"
