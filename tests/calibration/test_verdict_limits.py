@@ -241,6 +241,23 @@ def test_an_open_height_correction_is_told_with_its_cause(
         assert f"{doubt} {100 * sigma_mm / DISTANCE:.2g} %" in reasons[0]
 
 
+def test_corners_are_judged_by_the_worst_of_them() -> None:
+    """An uncertain lens tells nothing of which corner is worse; an uncertain tilt of a leaning camera does."""
+    leaning = camera_above(size_px=SIZE, focal_px=FOCAL, distance_mm=DISTANCE, tilt_deg=30.0, tilt_azimuth_deg=60.0)
+    camera = known(leaning, k1=0.01, rotation_x=1e-3)
+    corners = [camera.scale_sigma(6.5, (x, y)) for x in (45.0, 354.0) for y in (45.0, 254.0)]
+    assert max(corners) > 1.1 * min(corners)
+    assert worst_scale_sigma(camera, 6.5) == pytest.approx(max(corners))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "bloom", "wrong"), [(1.2, 0.0, True), (1.2, 0.06, False), (0.78, 0.0, True), (0.78, 0.04, False)]
+)
+def test_blooming_dots_may_be_as_much_wider_or_narrower(ratio: float, bloom: float, wrong: bool) -> None:
+    dots = SimpleNamespace(size_ratio=ratio, bloom=bloom)
+    assert bool(_wrong_size(calibration(sightings=(dots,)))) == wrong
+
+
 def test_coverage_is_the_share_of_cells_whose_middle_lies_within_the_dots() -> None:
     left = SimpleNamespace(centers_px=np.array([[-1.0, -1.0], [200.0, -1.0], [200.0, 301.0], [-1.0, 301.0]]))
     lower = SimpleNamespace(centers_px=np.array([[-1.0, 200.0], [401.0, 200.0], [401.0, 301.0], [-1.0, 301.0]]))
