@@ -156,6 +156,19 @@ def test_a_fit_that_fails_is_begun_again_without_friction_and_gains(monkeypatch:
     assert (asked[1][0].nominal, asked[1][0].terms) == ({}, {"a": (2.0,)})
 
 
+@pytest.mark.parametrize(("converged", "overreaches"), [(True, True), (False, False)])
+def test_a_fit_under_usual_scatter_goes_on_only_where_it_ended_with_usual_friction(
+    converged: bool, overreaches: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second = of(7.0, converged=converged)
+    second.overreaches = overreaches
+    answers = iter([of(5.0, converged=False), second])
+    monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", lambda *_, **__: next(answers))
+    search = searching(fits={NONE: of(0.0)})
+    assert (fit_set(search, A, {}, of(0.0)) is second) == converged
+    assert search.failed == ({} if converged else {A: second})
+
+
 def test_a_screened_set_is_fitted_from_its_two_best_places_and_hopeless_ones_are_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

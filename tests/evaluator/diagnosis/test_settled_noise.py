@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import settled_noise as module
@@ -28,3 +30,40 @@ def test_a_search_is_repeated_under_quieter_noise_and_on_ground_under_louder(
         problem = SimpleNamespace(data=[1], noise=[(SimpleNamespace(sigma_mm=1.0),)], open_ground=ground)
         search: Any = SimpleNamespace(fits={BEST: fit}, problem=problem)
         assert (module.settled_noise(search, BEST) is not None) == repeated
+
+
+def test_drift_is_estimated_from_features_of_which_the_ground_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The old drift and friction are part of the whitening of a run; on a run without them there is nothing to undo."""
+    asked = []
+
+    def drift(views: Any, *_: Any) -> tuple[float, float]:
+        asked.append(views)
+        return 0.002, 0.3
+
+    monkeypatch.setattr(module, "changed", lambda view, undone: f"{view} {undone}")
+    monkeypatch.setattr(module, "friction_shifts", lambda *_: [(None, None)] * 2)
+    monkeypatch.setattr(module, "prior_precision", lambda *_: None)
+    monkeypatch.setattr(module, "common_drift", drift)
+    parts = [SimpleNamespace(ground=ground, used=slice(None)) for ground in (None, SimpleNamespace(undone="undone"))]
+    for part in parts:
+        part.of_tracking = lambda _: np.zeros(1)
+    problem = Sought([SimpleNamespace(time_s=np.zeros(1))] * 2, parts, 0.001, 0.3, SimpleNamespace(each=map))
+    fit: Any = SimpleNamespace(runs=(0, 1), linearized=("first", "second"), columns=(), point=None)
+    search: Any = SimpleNamespace(problem=problem, tolerance={})
+    found = module.with_common_drift(search, fit)
+    assert asked == [["first", "second undone"]]
+    assert (found.common_drift, found.friction_wander) == (0.002, 0.3)
+    problem = replace(problem, common_drift=0.002)
+    search.problem = problem
+    assert module.with_common_drift(search, fit) is problem  # unchanged
+
+
+@dataclass(frozen=True)
+class Sought:
+    """The part of a problem that an estimate of drift needs."""
+
+    data: list[Any]
+    compressions: list[Any]
+    common_drift: float
+    friction_wander: float
+    watch: Any
