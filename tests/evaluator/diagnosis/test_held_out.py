@@ -98,6 +98,20 @@ def test_a_model_predicts_better_where_it_misses_most_commands_by_less_whatever_
     assert predicts_better(one, other, data, TOLERANCE) == better
 
 
+@pytest.mark.parametrize(("mean", "better"), [(0.95, False), (0.96, True)])
+def test_a_model_that_is_no_better_passes_once_in_twenty(
+    mean: float, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Student's one-sided 5 % of five commands are 2.132 standard errors; the scatter here makes one of 0.447."""
+    ratios = mean + np.array([-1.0, 1.0, -1.0, 1.0, 0.0])
+    data = [run_data(30.0, 5.0 * number, number) for number in range(5)]
+    runs: Any = SimpleNamespace(runs=range(5))
+    one, other = copy(runs), copy(runs)
+    found = {id(one): -np.full(5, 30.0), id(other): -30.0 * np.exp(ratios)}
+    monkeypatch.setattr(cross_validation, "_densities", lambda fit, *_: found[id(fit)])
+    assert predicts_better(one, other, data, TOLERANCE) == better
+
+
 def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = linear_runs(count=3)
     theta, covariance = np.array([0.4, -0.2]), np.array([[0.3, 0.1], [0.1, 0.5]])
