@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.adequacy import Adequacy
@@ -114,6 +115,18 @@ def test_a_run_whose_wheels_turn_unlike_those_of_all_others_is_found(
     effects = rng.normal(size=(12, 4)) * [0.05, 2e-4, 2e-4, 1.0]
     effects[4, 1] += off
     assert sole_gains(_left_of(effects), tuple(range(12)), least) == named
+
+
+@pytest.mark.parametrize(("times", "named"), [(0.995, None), (1.005, 11)])
+def test_wheels_are_unlike_from_one_in_a_thousand_by_the_t_test_of_one_run_against_the_others(
+    times: float, named: int | None
+) -> None:
+    """Of 12 runs with two sides each: a new value of 11 is off by √(1 + 1/11) of their scatter."""
+    others = np.arange(-5.0, 6.0)
+    limit = stats.t.isf(1e-3 / 2 / 24, 10) * others.std(ddof=1) * np.sqrt(1 + 1 / 11)
+    effects = np.zeros((12, 4))
+    effects[:, 1], effects[:, 2] = 1e-3 * np.append(others, times * limit), 1e-3 * np.append(others, 0.0)
+    assert sole_gains(_left_of(effects), tuple(range(12)), 0.1) == named
 
 
 def test_wheel_speeds_that_scatter_in_all_runs_are_no_matter_of_one() -> None:
