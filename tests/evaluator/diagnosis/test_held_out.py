@@ -78,6 +78,15 @@ def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
     assert advantage(one, other, [run_data(30.0, 20.0, number) for number in range(6)], TOLERANCE)[1] == np.inf
 
 
+def is_better(monkeypatch: pytest.MonkeyPatch, missed: np.ndarray) -> bool:
+    """Whether a model predicts five commands better than one that misses each by so many times as much."""
+    runs: Any = SimpleNamespace(runs=range(5))
+    one, other = copy(runs), copy(runs)
+    found = {id(one): -np.full(5, 30.0), id(other): -30.0 * missed}
+    monkeypatch.setattr(cross_validation, "_densities", lambda fit, *_: found[id(fit)])
+    return predicts_better(one, other, [run_data(30.0, 5.0 * number, number) for number in range(5)], TOLERANCE)
+
+
 @pytest.mark.parametrize(
     ("missed", "better"),
     [
@@ -90,12 +99,7 @@ def test_advantage_is_the_gain_over_commands_with_the_error_of_a_sum() -> None:
 def test_a_model_predicts_better_where_it_misses_most_commands_by_less_whatever_one_of_them_weighs(
     missed: tuple[float, ...], better: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = [run_data(30.0, 5.0 * number, number) for number in range(5)]
-    runs: Any = SimpleNamespace(runs=range(5))
-    one, other = copy(runs), copy(runs)
-    found = {id(one): -np.full(5, 30.0), id(other): -30.0 * np.array(missed)}
-    monkeypatch.setattr(cross_validation, "_densities", lambda fit, *_: found[id(fit)])
-    assert predicts_better(one, other, data, TOLERANCE) == better
+    assert is_better(monkeypatch, np.array(missed)) == better
 
 
 @pytest.mark.parametrize(("mean", "better"), [(0.95, False), (0.96, True)])
@@ -103,13 +107,8 @@ def test_a_model_that_is_no_better_passes_once_in_twenty(
     mean: float, better: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Student's one-sided 5 % of five commands are 2.132 standard errors; the scatter here makes one of 0.447."""
-    ratios = mean + np.array([-1.0, 1.0, -1.0, 1.0, 0.0])
-    data = [run_data(30.0, 5.0 * number, number) for number in range(5)]
-    runs: Any = SimpleNamespace(runs=range(5))
-    one, other = copy(runs), copy(runs)
-    found = {id(one): -np.full(5, 30.0), id(other): -30.0 * np.exp(ratios)}
-    monkeypatch.setattr(cross_validation, "_densities", lambda fit, *_: found[id(fit)])
-    assert predicts_better(one, other, data, TOLERANCE) == better
+    missed = np.exp(mean + np.array([-1.0, 1.0, -1.0, 1.0, 0.0]))
+    assert is_better(monkeypatch, missed) == better
 
 
 def test_predictive_score_is_the_gaussian_density_of_new_runs(monkeypatch: pytest.MonkeyPatch) -> None:
