@@ -74,6 +74,16 @@ def test_a_number_that_an_entry_leaves_out_is_that_of_no_effect(effect_id: str) 
         assert item.absent == usual
 
 
+def test_an_entry_may_not_say_less_than_nothing() -> None:
+    """A factor of a hundredth at least, a magnet that is gone, a limit of a thousandth of a rpm a second."""
+    least = {f"{effect.id}.{item.name}": item.at_least for effect in EFFECTS.values() for item in effect.parameters}
+    factors = {name: value for name, value in least.items() if name.endswith(("factor", "left_over_right"))}
+    assert factors == {name: 0.0 if name.startswith("magnet-strength") else 0.01 for name in factors}
+    limits = {name: value for name, value in least.items() if "-limit." in name}
+    assert limits == {name: 0.001 if name.endswith("rpm_s") else 0.0 for name in limits}
+    assert set(least.values()) == {-np.inf, 0.0, 0.001, 0.01}
+
+
 # An effect that a fit brings to a bound is no answer: it imitates something else.
 BOUNDS = {
     "axle-compliance": [(-20, 20)],
