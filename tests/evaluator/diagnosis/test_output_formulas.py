@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,12 +15,17 @@ from evaluator.diagnosis.assessment.adequacy import Unlike
 from evaluator.diagnosis.assessment.gap import Gap
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
+from evaluator.diagnosis.output.own_effect import own_effect
+from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from simulator.effects.coordinates import Candidate, Coordinate
+from simulator.robot import shipped_robot_text
 
+BOTH = ["drive-speed-mismatch", "drive-speed-scale"]
 NONE, A, AB, B = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"}), frozenset({"b"})
 
 
@@ -182,6 +188,74 @@ def test_a_rival_has_its_odds_and_the_reason_against_it(
     assert (said["effects"], said["reason"], said["strains"]) == (sorted(ids), reason, ["a", "b"])
     assert said["log_odds"] == pytest.approx(odds, rel=1e-5)
     assert said["probability"] == pytest.approx(1 / (1 + math.exp(-odds)), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("odds", "carries", "reason"),
+    [
+        (2.0, False, "an effect in it predicts commands left out no better than chance"),
+        (2.0, True, "it contains an effect that is not significant"),
+        (-math.log(50.0), False, "makes the runs 50 times less probable"),
+    ],
+)
+def test_on_open_ground_a_rival_that_fits_better_has_to_carry_over(
+    odds: float, carries: bool, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(alternatives_json, "strained", lambda *_: set())
+    monkeypatch.setattr(alternatives_json, "carries_over", lambda *_: carries)
+    search = SimpleNamespace(fits={A: 0, B: 1}, null=0, tolerance={}, problem=SimpleNamespace(open_ground=True))
+    found: Any = SimpleNamespace(standing=Standing((A, B), np.array([7.0, 7.0 + odds])), chosen=A, search=search)
+    (said,) = alternatives_json.rivals(found)
+    assert (said["reason"], said["carries_over"]) == (reason, carries)
+
+
+@pytest.mark.parametrize(("left", "ids"), [(0.95, ["drive-speed-mismatch"]), (0.975, BOTH)])
+def test_two_effects_of_one_cause_are_told_once_by_its_name(
+    left: float, ids: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The right wheel turns as commanded, or 2.5 % faster; each is known to 0.5 %."""
+    rng, right = np.random.default_rng(1), 1.0 if left == 0.95 else 1.025
+    speeds = np.array([left, right])[:, None] + 0.005 * rng.normal(size=(2, 4000))
+    draws = {"left_over_right": speeds[0] / speeds[1], "factor": speeds.mean(axis=0)}
+    monkeypatch.setattr(effects_json, "_drawn", lambda *_: draws)
+    found: Any = SimpleNamespace(verdict="effect", terms=dict.fromkeys(BOTH))
+    content: Any = [{"id": name, "name": name} for name in BOTH]
+    said = effects_json._without_repetition(content, found)
+    assert [item["id"] for item in said] == ids
+    assert ("the left wheel alone is off" in said[0]["name"]) == (len(ids) == 1)
+    found.verdict = "unknown"
+    assert effects_json._without_repetition(content, found) == content
+
+
+def test_a_robot_file_gets_the_effect_and_the_values_that_moved() -> None:
+    text = shipped_robot_text("barrel")
+    item = Candidate("tether-pull", (Coordinate("x_mN", 0.0, 0.1),), lambda values: {"x_mN": values[0], "y_mN": 0.0})
+    nominal = {"slip.lateral_friction": 0.1, "body.mass_g": 1e-9, "camera, error 1": 0.5}
+    point = Point(np.zeros((1, 7)), nominal, {"tether-pull": (1.5,)})
+    found: Any = SimpleNamespace(terms={"tether-pull": item}, chosen=frozenset({"tether-pull"}))
+    found.fit = SimpleNamespace(point=point)
+    written = robot_with_effect(found, text)
+    before, after = tomllib.loads(text), tomllib.loads(written)
+    assert after.pop("effect") == [{"id": "tether-pull", "x_mN": 1.5, "y_mN": 0.0}]
+    assert after["slip"].pop("lateral_friction") == pytest.approx(1.1 * before["slip"].pop("lateral_friction"))
+    assert after == before
+    assert written.count("which adjusted it within its tolerance") == 1  # a billionth of the mass is rounding
+
+
+def test_a_form_is_written_as_an_effect_where_the_model_follows_the_runs() -> None:
+    form = free_terms()["free:friction.one.driving"]
+    fit = SimpleNamespace(point=SimpleNamespace(terms={form.id: (0.25,)}))
+    found: Any = SimpleNamespace(
+        chosen=frozenset({form.id, "a"}), terms={form.id: form, "a": None}, fit=fit, follows=True
+    )
+    text = own_effect(found)
+    assert text is not None
+    assert 'channel = "friction"' in text
+    assert 'pattern = "driving"' in text
+    found.follows = False
+    assert own_effect(found) is None
+    found.follows, found.chosen = True, frozenset({"a"})
+    assert own_effect(found) is None
 
 
 def test_runs_to_make_next_are_counted() -> None:
