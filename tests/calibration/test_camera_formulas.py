@@ -70,6 +70,9 @@ def test_undistorting_undoes_distorting_and_ends_where_the_lens_turns_back(lens:
     found = undistort(np.array([[0.999 * highest, 0.0], [1.001 * highest, 0.0]]), turning, lens)
     assert found[0, 0] == pytest.approx(np.sqrt(2 / 3) if lens == "brown" else np.tan(np.sqrt(2 / 3)), rel=0.06)
     assert np.isnan(found[1]).all()
+    late, angle = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -0.5]), (1 / 4.5) ** (1 / 8)  # θ·(1 − θ⁸/2) rises to θ⁸ = 2/9
+    ends = np.array([[0.0, 0.9998], [0.0, 1.0002]]) * angle * (1 - 1 / 9)
+    assert np.isnan(undistort(ends, late, "fisheye")).tolist() == [[False, False], [True, True]]
     straight = undistort(np.array([[0.3, 0.4]]), np.zeros(6), "fisheye")  # an angle of half a radian
     np.testing.assert_allclose(straight, np.tan(0.5) * np.array([[0.6, 0.8]]))
 
