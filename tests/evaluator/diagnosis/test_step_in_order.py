@@ -18,12 +18,11 @@ TWO_DAYS = np.array(
 )
 
 
-def said(speed: np.ndarray, per_run: float) -> str:
-    """The answer where a drift was fitted and each run's own gains hold the rest, of which half is seen."""
-    gains = 0.5 * (speed - per_run * ORDER)
-    left: Any = SimpleNamespace(
-        shares=np.full((16, 4), 0.5), random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains])
-    )
+def said(speed: np.ndarray, per_run: float, share: np.ndarray | float = 0.5) -> str:
+    """The answer where a drift was fitted and the gains of each run hold the rest, of which a share is seen."""
+    shares = np.tile(np.broadcast_to(share, 16)[:, None], (1, 4))
+    gains = shares[:, 0] * (speed - per_run * ORDER)
+    left: Any = SimpleNamespace(shares=shares, random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains]))
     point = SimpleNamespace(terms={DRIFT: (per_run,)})
     fit: Any = SimpleNamespace(terms=frozenset([DRIFT]), point=point, runs=tuple(range(16)))
     data: Any = [SimpleNamespace(id=f"r{run + 1}", order=run) for run in range(16)]
@@ -32,6 +31,14 @@ def said(speed: np.ndarray, per_run: float) -> str:
 
 def test_step_is_told_with_its_place_and_size() -> None:
     assert said(0.01 * TWO_DAYS, -0.001).startswith("the speed changes by -1.1 % between r8 and r9, once")
+
+
+def test_runs_count_by_what_they_tell_of_their_speed() -> None:
+    """Each estimate is shrunk by its share; a run that tells less than a hundredth of each side is not asked."""
+    share = np.tile([0.2, 0.9], 8)
+    share[8] = 0.0075
+    speed = np.where(ORDER > 7, -0.02, 0.0) + np.random.default_rng(3).normal(0.0, 1e-4, 16)
+    assert said(speed, -0.001, share).startswith("the speed changes by -2 % between r8 and r10, once")
 
 
 @pytest.mark.parametrize(("off", "told"), [(-0.1, False), (0.1, True)])
