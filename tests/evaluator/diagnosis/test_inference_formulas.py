@@ -32,6 +32,7 @@ from simulator.effects.coordinates import Candidate, Coordinate
 from tests.evaluator.diagnosis.synthetic import linear_runs
 
 TAU = np.array([0.05, 0.02, 0.02, 1.0])
+WANTED = np.append(np.random.default_rng(1).normal(size=3)[:2], 0.0)  # by the runs of linear_runs with three
 WIDE = (np.full(2, -np.inf), np.full(2, np.inf))
 NONE = frozenset[str]()
 
@@ -98,19 +99,20 @@ def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coord
 
 def test_evidence_of_values_at_their_bounds_is_that_of_runs_of_which_these_values_are_taken() -> None:
     """An effect that may go to a half of what it wants, and a known value that may go to six of its tolerances."""
-    runs = linear_runs(count=6, parameters=3)
-    theta = np.array([0.5, 0.06, 0.0])  # at the bounds of the first two; the third is free
+    runs, shift = linear_runs(count=6, parameters=3), np.array([1.2, 1.2, 0.0]) - WANTED
+    theta = np.array([0.5, 0.3, 0.0])  # at the bounds of the first two; the third is free
     columns = (Column("half", 0, candidate("half", Coordinate("size", 0.0, 1.0, -0.5, 0.5))), Column("track"))
     columns = (*columns, Column("line", 0, LINE))
-    runs = [replace(run, response=run.response + run.common @ [9.0 - 0.5, 9.0 - 0.06, 0.0]) for run in runs]
-    reduced, prior = reduce_runs(runs), np.array([0.0, 1e4, 0.0])
+    runs = [replace(run, response=run.response + run.common @ shift) for run in runs]
+    reduced, prior = reduce_runs(runs), np.array([0.0, 400.0, 0.0])
     whole = MixedModel(reduced, prior).posterior(range(3))
-    found = _within_bounds(whole, reduced, columns, {"track": 0.01})
+    found = _within_bounds(whole, reduced, columns, {"track": 0.05})
     rest = [replace(run, response=run.response - run.common @ theta, common=run.common[:, 2:]) for run in runs]
     inside = MixedModel(reduce_runs(rest), np.zeros(1)).posterior(range(1))
-    cost = np.log(6) + 1e4 * 0.06**2  # a number that is fitted, and the prior of the known value where it ends
+    cost = np.log(6) + 400.0 * 0.3**2  # a number that is fitted, and the prior of the known value where it ends
     assert found.log_evidence == pytest.approx(inside.log_evidence - cost / 2)
     np.testing.assert_allclose(found.scatter, inside.scatter)
+    assert found.scatter[0] > 1.05 * whole.scatter[0]  # it takes up what the bounds leave
     assert found.misfit == pytest.approx(inside.misfit)
     np.testing.assert_array_equal(found.mean, whole.mean)
 
