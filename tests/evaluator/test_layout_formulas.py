@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from av.stream import Disposition
 from av.video.frame import PictureType
 
+from evaluator.recording import open_recording
 from evaluator.recording.layout import KINDS, Layout
 from evaluator.recording.streams import asked_of_viewers, videos_of
 
@@ -44,6 +49,12 @@ def test_planes_are_used_as_they_are_or_converted_without_loss(
 
 def test_kinds_of_frames_are_those_of_the_codec() -> None:
     assert {PictureType[kind].value: kind for kind in "IPB"} == KINDS
+
+
+@pytest.mark.parametrize(("rate_hz", "rate"), [(23.976, Fraction(2997, 125)), (30000 / 1001, Fraction(30000, 1001))])
+def test_a_rate_that_is_said_is_kept_to_a_thousand_and_first(tmp_path: Path, rate_hz: float, rate: Fraction) -> None:
+    cv2.imwrite(str(tmp_path / "1.png"), np.zeros((8, 8), np.uint8))
+    assert open_recording(tmp_path, rate_hz=rate_hz).nominal_rate == rate
 
 
 def stream(width: int, height: int, *, cover: bool = False, shape: float = 1.0, codec: object = True) -> Any:
