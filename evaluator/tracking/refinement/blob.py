@@ -2,14 +2,15 @@
 
 The share is a linear discriminant of luma and chroma (Fisher) between the colour of the blob's core and that of the
 ring around it, in the direction in which the ring varies least. Edge pixels count in part, chroma dominates on a floor
-that varies in luma, and no model of the shape is needed.
+that varies in luma, and no model of the shape is needed. The centre is midway between those for a linear camera and one
+with a gamma.
 
 Image coordinates, px.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ MOSTLY = 2.0  # standard deviations of the luma around the blob; few of the surr
 BEYOND = 0.2  # largest share below 0 or above 1 that noise can cause; beyond it the pixel shows something else
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
 LUMPS = 7  # px: side of the squares whose means show over what distance errors of pixels are correlated
+GAMMA, LIGHTEST = 2.2, 255.0  # of cameras that write sRGB or BT.709, which both are close to; level of the whitest
 SHORTEST = 1.0 / 12.0  # px²: variance of a single pixel, the least along any axis
 
 
@@ -136,17 +138,38 @@ def _measured(
     around = (_grown(outline, RING_PX) > 0) & (_grown(outline, RIM_PX + 1) == 0) & ~other
     if around.sum() < FEW:
         return None
-    share = _share(np.stack([luma, u, v]), core, around)
+    planes = np.stack([luma, u, v])
+    shares = [_share(each, core, around) for each in (planes, _in_light(planes, frame.rgb_from_planes))]
     # The reflection of a lamp removes the colour of a part of the mark and adds light. Pixels within the outline that
     # are brighter than everything else therefore belong to the mark. A wire is darker, or extends beyond the outline.
     beside = luma[around]
     highlights = (outline > 0) & (luma > max(luma[core].mean(), beside.mean() + MOSTLY * beside.std()))
     mask |= highlights.view(np.uint8)
-    share[highlights & (share < 1.0)] = 1.0
+    for share in shares:
+        share[highlights & (share < 1.0)] = 1.0
     region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
-    return _moments(
-        share, region, core, around, (x0, frame.row_origin + y0 * frame.row_step, frame.row_step), strength, whole=whole
-    )
+    grid = x0, frame.row_origin + y0 * frame.row_step, frame.row_step
+    recorded, in_light = (_moments(share, region, core, around, grid, strength, whole=whole) for share in shares)
+    return None if recorded is None or in_light is None else _between(recorded, in_light)
+
+
+def _in_light(planes: Single, rgb_from_planes: Array) -> Single:
+    """Planes as light: R, G, B that a camera with a gamma of GAMMA would have written as these; (3, rows, columns)."""
+    matrix = rgb_from_planes.astype(np.float32)
+    rgb = np.tensordot(matrix[:, :3], planes, axes=1) + matrix[:, 3, None, None]
+    return np.asarray((np.clip(rgb, 0.0, LIGHTEST) / LIGHTEST) ** GAMMA, np.float32) * LIGHTEST
+
+
+def _between(recorded: Blob, in_light: Blob) -> Blob:
+    """The blob midway between those of two tone curves; that of the camera is anywhere between them.
+
+    A lens mixes light, so that an edge lies where light is half, but not luma or chroma of a camera with a gamma: each
+    edge of a mark is shifted by its own contrast, and the centroid with them.
+    """
+    one, other = np.array(recorded.center_px), np.array(in_light.center_px)
+    x, y = ((one + other) / 2).tolist()
+    covariance = (recorded.covariance_px2 + in_light.covariance_px2) / 2 + np.outer(one - other, one - other) / 12
+    return replace(recorded, center_px=(x, y), covariance_px2=covariance)
 
 
 def _outline(mask: Mask) -> Mask:

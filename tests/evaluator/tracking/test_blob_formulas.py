@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from evaluator.tracking.refinement.blob import (
     SHORTEST,
+    _between,
+    _in_light,
     _lumpy_variance,
     _members,
     _moments,
@@ -145,3 +148,29 @@ def test_a_sticker_is_found_at_its_place_in_the_frame_by_subsampled_colours(orig
     assert [one.whole for one in blobs] == [True, True]
     near = blobs_around(seen, cell, color, place, 14.0, 20.0)
     assert [one.center_px for one in near] == [pytest.approx(blobs[1].center_px)]
+
+
+def test_sticker_that_overhangs_a_dark_body_on_white_paper_is_where_it_is_within_the_doubt_of_the_tone_curve() -> None:
+    """A lens mixes light, a camera writes it with a gamma: edges on paper and on the body shift differently."""
+    x = np.arange(-24.0, 25.0)
+    inside = np.clip(6.0 - np.abs(x), -0.5, 0.5) + 0.5
+    colors = {"green": (0.02, 0.4, 0.04), "paper": (0.75, 0.75, 0.75), "body": (0.02, 0.02, 0.02)}
+    light = np.where((x < 0)[:, None], colors["body"], colors["paper"])[None, :, :].repeat(49, axis=0)
+    share = (inside[None, :] * inside[:, None])[..., None]
+    light = cv2.GaussianBlur(light * (1 - share) + share * np.array(colors["green"]), (0, 0), 1.2)
+    written = np.round(255.0 * light ** (1 / 2.2)).astype(np.uint8)
+    y, v, u = np.moveaxis(cv2.cvtColor(written, cv2.COLOR_RGB2YCrCb).astype(float), -1, 0)
+    planes = np.stack([y, u, v]).astype(np.float32)
+    core, around = share[..., 0] > 0.99, share[..., 0] == 0.0
+    region = np.ones_like(core)
+    rgb_from_planes = np.array([[1.0, 0.0, 1.402, -179.5], [1.0, -0.344, -0.714, 135.4], [1.0, 1.772, 0.0, -226.8]])
+    plain, in_light = (
+        _moments(_share(each, core, around), region, core, around, (-24, -24, 1), 1.0, whole=True)
+        for each in (planes, _in_light(planes, rgb_from_planes))
+    )
+    assert plain is not None
+    assert in_light is not None
+    found = _between(plain, in_light)
+    assert abs(plain.center_px[0]) > 0.3
+    assert abs(found.center_px[0]) < 0.5 * abs(plain.center_px[0])
+    assert abs(found.center_px[0]) < 2.0 * np.sqrt(found.covariance_px2[0, 0])
