@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 # Ratio of the soft area to its usual value. Below, a part is hidden or smeared until its colour is lost; above, an
 # object of the same colour touches the mark.
 LEAST, MOST = 0.6, 1.7
+EXTENT = 0.45  # of a mark's chroma beyond that of its surroundings: less is not of its colour, as `learn_color` has it
 FADED = 0.55  # of the usual chroma: codec residue of a mark is paler than the mark
 RATE = 0.2  # weight of a new area or chroma in the usual one: slant and distance change them within a dozen frames
 SOUGHT = 0.2  # of the usual area: smaller blobs are ignored
@@ -71,7 +72,7 @@ class BlobFollower(Motion):
     def __post_init__(self) -> None:
         """Compute what follows from the arguments."""
         self.shutter = SHUTTER if self.exposure is None else (self.exposure, 0.0)
-        self.strength = self.color[4] / 0.45  # the ratio in `learn_color`
+        self.strength = self.color[4] / EXTENT
         self.long_px = self.long_px or 2.0 * self.radius_px
 
     @property
@@ -105,20 +106,27 @@ class BlobFollower(Motion):
         near = [one for one in blobs if max(abs(np.subtract(one.center_px, place))) < slack]
         if not near:
             return ABSENT["outside the image" if beyond(frame, place, self.radius_px) else "not seen"]
-        best = min(near, key=lambda one: self._unlike(one, place, slack))
-        ratio = best.area_px2 / self.area_px2
-        if not best.whole:
-            return ABSENT["outside the image"]
-        if best.strength < FADED * light * self.strength:
-            return ABSENT["faded"]
-        if not LEAST < ratio < MOST:
-            return ABSENT["partly hidden" if ratio < 1.0 else "ambiguous"]
+        near.sort(key=lambda one: self._unlike(one, place, slack))
+        best = next((one for one in near if not self._fault(one, light)), near[0])
+        if fault := self._fault(best, light):
+            return ABSENT[fault]
         self.blob = best
         # If a codec cuts or smears the outline, the errors of area and centre are correlated: a missing share of the
         # area at one end moves the centre by this share of the length.
         covariance = best.covariance_px2 + OUTLINE * self.unsteady * best.spread_px2
         (var_x, cov_xy), (_, var_y) = covariance.tolist()
         return Sighting(*best.center_px, var_x, var_y, cov_xy, OK)
+
+    def _fault(self, one: Blob, light: float) -> str:
+        """Why a blob is not the mark as it usually is; "" if it may be."""
+        ratio = one.area_px2 / self.area_px2
+        if not one.whole:
+            return "outside the image"
+        if one.strength < FADED * light * self.strength:
+            return "faded"
+        if not LEAST < ratio < MOST:
+            return "partly hidden" if ratio < 1.0 else "ambiguous"
+        return ""
 
     def _unlike(self, one: Blob, place: Point, slack: float) -> float:
         """Dissimilarity of a blob to the mark, in size and position."""
@@ -134,7 +142,8 @@ class BlobFollower(Motion):
             self._note_area(float(np.log(self.blob.area_px2)))
             self.area_px2 += rate * (self.blob.area_px2 - self.area_px2)
             self.strength += rate * (self.blob.strength - self.strength)
-            self.color[4] += rate * (0.45 * self.strength - self.color[4])
+            beside = max(self.blob.beside, 0.0)  # a floor of nearly the colour is not the mark
+            self.color[4] += rate * (beside + EXTENT * (self.strength - beside) - self.color[4])
             # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
             (short, long), axes = np.linalg.eigh(self.blob.spread_px2)
             self.long_px = 2.0 * float(np.sqrt(max(long, 0.0)))

@@ -25,6 +25,7 @@ Mask = NDArray[np.uint8]
 RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: the end of a blurred edge; the end of the surroundings considered
 FEW = 12  # pixels: fewest from which a mean colour is computed
 MOSTLY = 2.0  # standard deviations of the luma around the blob; few of the surrounding pixels are brighter
+MOST_OF = 0.9  # of the surroundings have less chroma than a floor that the blob may touch
 BEYOND = 0.2  # largest share below 0 or above 1 that noise can cause; beyond it the pixel shows something else
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
 LUMPS = 7  # px: side of the squares whose means show over what distance errors of pixels are correlated
@@ -37,7 +38,8 @@ class Blob:
     """A coloured blob. center_px: (2,). covariance_px2: (2, 2) of the centre, from the scatter of the pixels around.
 
     area_px2: sum of the shares, which blur does not change. spread_px2: (2, 2), second moments about the centre.
-    strength: mean chroma of the core along its colour, levels. whole: does not touch the border of the image.
+    strength: mean chroma of the blob along its colour, levels; beside: chroma that a tenth of its surroundings exceeds.
+    whole: does not touch the border of the image.
     """
 
     center_px: tuple[float, float]
@@ -46,6 +48,7 @@ class Blob:
     spread_px2: Array
     strength: float
     whole: bool
+    beside: float = 0.0
 
 
 def elongation(spread_px2: Array, path_px: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -134,7 +137,8 @@ def _measured(
     core = cv2.erode(mask, np.ones((3, 3), np.uint8)) > 0
     core = core if core.sum() >= FEW else mask > 0
     outline = _outline(mask)
-    other = (_members(u, v, color)[1] > 0) & (_grown(outline, RIM_PX) == 0)
+    along, member = _members(u, v, color)
+    other = (member > 0) & (_grown(outline, RIM_PX) == 0)
     around = (_grown(outline, RING_PX) > 0) & (_grown(outline, RIM_PX + 1) == 0) & ~other
     if around.sum() < FEW:
         return None
@@ -150,7 +154,9 @@ def _measured(
     region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
     grid = x0, frame.row_origin + y0 * frame.row_step, frame.row_step
     recorded, in_light = (_moments(share, region, core, around, grid, strength, whole=whole) for share in shares)
-    return None if recorded is None or in_light is None else _between(recorded, in_light)
+    if recorded is None or in_light is None:
+        return None
+    return replace(_between(recorded, in_light), beside=float(np.quantile(along[around], MOST_OF)))
 
 
 def _in_light(planes: Single, rgb_from_planes: Array) -> Single:

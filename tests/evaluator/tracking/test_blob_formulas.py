@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from evaluator.tracking.following.follow_blob import EXTENT, BlobFollower
 from evaluator.tracking.refinement.blob import (
     SHORTEST,
     _between,
@@ -174,3 +175,21 @@ def test_sticker_that_overhangs_a_dark_body_on_white_paper_is_where_it_is_within
     assert abs(plain.center_px[0]) > 0.3
     assert abs(found.center_px[0]) < 0.5 * abs(plain.center_px[0])
     assert abs(found.center_px[0]) < 2.0 * np.sqrt(found.covariance_px2[0, 0])
+
+
+def test_chroma_from_which_a_pixel_is_the_marks_lies_above_that_of_the_floor() -> None:
+    """A mark on a floor of a third of its chroma: a threshold of its own chroma alone would take the floor for it."""
+    rgb = np.full((60, 60, 3), 90.0) + np.array([0.0, 20.0, 0.0])
+    rgb[24:36, 24:36] = 60.0, 150.0, 70.0
+    frame = stored(rgb)
+    assert frame.u is not None
+    assert frame.v is not None
+    mark, floor = (np.array([frame.u[at, at], frame.v[at, at]], float) - 128.0 for at in (30, 5))
+    strength, beside = float(np.hypot(*mark)), float(floor @ mark / np.hypot(*mark))
+    color = np.array([128.0, 128.0, *(mark / strength), 0.6 * strength, 0.8])
+    follower = BlobFollower(color, 144.0, 0.0)
+    sighting = follower.look_at(frame, np.array([1.0, 1.0, 0.0, 0.0]), (29.5, 29.5), 4.0, 0.1)
+    follower.accept(sighting, 0.1)
+    assert sighting.status == "ok"
+    assert follower.color[4] == pytest.approx(beside + EXTENT * (strength - beside), rel=0.02)
+    assert follower.color[4] > beside

@@ -70,7 +70,14 @@ def blob(**said: Any) -> Any:
     """A blob of 12 by 4 px at 30 degrees, 100 px² large, at (50, 40)."""
     along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)])
     spread = 12.0**2 / 12 * np.outer(along, along) + 4.0**2 / 12 * (np.eye(2) - np.outer(along, along))
-    usual = {"center_px": (50.0, 40.0), "area_px2": AREA, "spread_px2": spread, "strength": 40.0, "whole": True}
+    usual = {
+        "center_px": (50.0, 40.0),
+        "area_px2": AREA,
+        "spread_px2": spread,
+        "strength": 40.0,
+        "beside": 0.0,
+        "whole": True,
+    }
     return SimpleNamespace(**usual | {"covariance_px2": np.diag([1e-4, 2e-4])} | said)
 
 
