@@ -43,11 +43,12 @@ Examples:
   turnscope turning forward_*.csv --robot robot.toml --camera camera.json --start-s 0.5 -o turning.csv
   turnscope turning tracker.trk --robot robot.toml --left "mass A" --right "mass B"
   turnscope turning one_mark.csv
+  turnscope turning frame_x_y.csv --rate-hz 60 --unit px
   turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
 
-A marks CSV has the columns time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark. Files of OSP Tracker, DeepLabCut,
-SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory) are read as well. robot.toml needs
-only [marks]. Exit status: 2, a table cannot be measured.""",
+A marks CSV has the columns time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark. Tables of t, x, y or frame, x, y,
+files of OSP Tracker, DeepLabCut, SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory)
+are read as well. robot.toml needs only [marks]. Exit status: 2, a table cannot be measured.""",
 )
 @click.argument("marks", nargs=-1, required=True, type=PATH)
 @click.option("--robot", help="Shipped robot or robot.toml with the marks. [default: measure the path of each mark]")

@@ -24,7 +24,7 @@ def read_tracker_text(path: Path, said: FileHints) -> NamedPoints:
     for index, (name, column) in enumerate(zip(names, columns, strict=True)):
         owner = name or owner
         place.setdefault((plain_name(owner), column), index)
-    rows = [_numbers(path, number, line, delimiter) for number, line in enumerate(lines[2:], start=3)]
+    rows = [numbers_of(path, number, line, delimiter) for number, line in enumerate(lines[2:], start=3)]
     width = len(columns)
     table = np.array([(row + [np.nan] * width)[:width] for row in rows], dtype=float).reshape(-1, width)
     points = {
@@ -71,10 +71,11 @@ def plain_name(name: str) -> str:
     return name.strip().lstrip("#").replace(" ", "_")
 
 
-def _numbers(path: Path, number: int, line: str, delimiter: str | None) -> list[float]:
+def numbers_of(path: Path, number: int, line: str, delimiter: str | None) -> list[float]:
+    """Numbers of a line, NaN for an empty cell."""
     try:
         # If the delimiter is not a comma, a comma is the decimal separator of the computer that wrote the file.
         plain = line if delimiter == "," else line.replace(",", ".")
-        return [float(cell) if cell else np.nan for cell in cells_of(plain, delimiter)]
+        return [float(cell) if cell and cell.lower() != "none" else np.nan for cell in cells_of(plain, delimiter)]
     except ValueError as error:
         raise InputError(f"{path}: line {number} holds something that is not a number") from error

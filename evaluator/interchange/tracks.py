@@ -1,4 +1,4 @@
-"""Tracks of other programs as marks: OSP Tracker, DeepLabCut, SLEAP, movement.
+"""Tracks of other programs as marks: plain tables, OSP Tracker, DeepLabCut, SLEAP, movement.
 
 The program that wrote a file is recognised by its content. Properties that are not in the file (which points are the
 marks, unit of length, frame rate) are stated in [tracks] of experiment.toml. Lengths become mm in the plate frame;
@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
 from evaluator.interchange.named_points import FileHints, NamedPoints
+from evaluator.interchange.plain_table import columns_of, plain_unit, read_plain
 from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut
 from evaluator.interchange.tracker_files import (
     cells_of,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from calibration.camera import Camera
 
 Array = NDArray[np.float64]
-Program = Literal["turnscope", "tracker", "project", "deeplabcut", "movement"]
+Program = Literal["turnscope", "plain", "tracker", "project", "deeplabcut", "movement"]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 
@@ -153,6 +154,7 @@ def _foreign_points(
     Without marks, every point of the file is a mark.
     """
     readers: dict[str, Callable[[Path, FileHints], NamedPoints]] = {
+        "plain": read_plain,
         "tracker": read_tracker_text,
         "project": read_project,
         "deeplabcut": read_deeplabcut,
@@ -170,9 +172,12 @@ def _foreign_points(
     if len(points) < max(needed, 1) or any(mark in marks and mark not in points for mark in said.names):
         raise _unknown(path, said, next((mark for mark in marks if mark not in points), "a mark"), sorted(named.points))
     time = named.time_s
-    unit = said.unit or (_project_unit(path) if program == "project" else "px" if program != "tracker" else None)
+    units = {"project": _project_unit, "plain": plain_unit, "tracker": lambda _: None}
+    unit = said.unit or (units[program](path) if program in units else "px")
     if unit is None:
-        raise InputError(f'{path}: the file has no unit of length; set unit = "mm" (px, cm, m) in [tracks]')
+        raise InputError(
+            f'{path}: the file has no unit of length; say --unit mm (px, cm, m), or unit = "mm" in [tracks]'
+        )
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         raise InputError(f"{path}: times must be at least two and increase from row to row")
     return time, points, unit
@@ -207,7 +212,14 @@ def program_of(path: Path) -> Program:
         return "deeplabcut"
     if len(lines) > 1 and "t" in cells_of(lines[1], delimiter_of(lines[1])):
         return "tracker"
-    return "turnscope"
+    return "plain" if lines and _is_plain(lines[0]) else "turnscope"
+
+
+def _is_plain(header: str) -> bool:
+    """Whether a table has points, but not as marks CSV of turnscope name them."""
+    names = cells_of(header, delimiter_of(header))
+    own = "time_s" in names and any(name.endswith(("_x_mm", "_x_px")) for name in names)
+    return not own and columns_of(header) is not None
 
 
 def _marks_table(
