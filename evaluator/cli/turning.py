@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,11 +29,18 @@ class WithMarkNames(click.Command):
         for item in rest:
             mark = item.removeprefix("--").partition("=")[0]
             strange = item.startswith("--") and mark.isidentifier() and f"--{mark}" not in known
-            if strange and not difflib.get_close_matches(f"--{mark}", known, n=1, cutoff=0.75):
-                parsed += ["--name", f"{mark}={item.partition('=')[2] or next(rest, '')}"]
+            if strange and not _misspelt(f"--{mark}", value := item.partition("=")[2] or next(rest, ""), known):
+                parsed += ["--name", f"{mark}={value}"]
             else:
-                parsed.append(item)
+                parsed += [item, value] if strange and "=" not in item else [item]
         return super().parse_args(ctx, parsed)
+
+
+def _misspelt(option: str, value: str, known: Sequence[str]) -> bool:
+    """Whether an option with a value resembles a known one; --left with a name is a mark, with a number --left-rpm."""
+    near = difflib.get_close_matches(option, known, n=1, cutoff=0.75)
+    named = not re.fullmatch(r"[-+.\d]*", value)
+    return bool(near) and not (named and near[0].startswith(f"{option}-"))
 
 
 @click.command(

@@ -60,6 +60,8 @@ def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:
                 return _deeplabcut_table(path, file[DEEPLABCUT_KEY], said)
             if {"tracks", "node_names"} <= set(file):
                 return _sleap_analysis(path, file, said)
+    except InputError:
+        raise
     except (OSError, IndexError, AttributeError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
     return None
@@ -70,7 +72,7 @@ def _sleap_analysis(path: Path, file: Any, said: FileHints) -> NamedPoints:
     place, names = file["tracks"][0], [name.decode() for name in file["node_names"][:]]
     score = file["point_scores"][0] if "point_scores" in file else None
     if said.rate_hz is None:
-        raise InputError(f"{path}: SLEAP counts frames; give rate_hz (frames per second) in [tracks]")
+        raise InputError(f"{path}: SLEAP counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
     points = {}
     for index, name in enumerate(names):
         points[name] = np.array(place[:, index].T, dtype=float)
@@ -117,7 +119,7 @@ def _likely(
 ) -> NamedPoints:
     """Points of a table whose columns are (point, coordinate); unlikely ones are missing."""
     if said.rate_hz is None:
-        raise InputError(f"{path}: DeepLabCut counts frames; give rate_hz (frames per second) in [tracks]")
+        raise InputError(f"{path}: DeepLabCut counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
     place = {column: k for k, column in reversed(list(enumerate(columns)))}  # of several individuals, the first
     points = {}
     for name in dict.fromkeys(part for part, _ in columns):
@@ -156,7 +158,7 @@ def _read_movement(path: Path, said: FileHints) -> NamedPoints:
     if data.attrs.get("time_unit") == "frames":
         rate = said.rate_hz or data.attrs.get("fps")
         if not rate:
-            raise InputError(f"{path}: counts frames; give rate_hz (frames per second) in [tracks]")
+            raise InputError(f"{path}: counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
         time = time / float(rate)
     known = [name.decode() if isinstance(name, bytes) else str(name) for name in data["keypoints"].to_numpy()]
     space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]

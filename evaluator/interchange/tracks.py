@@ -161,9 +161,9 @@ def _foreign_points(
         "movement": read_binary,
     }
     named = _whole(readers[program], path, said)
-    if not marks:
-        marks = [name for name in named.points if name.isidentifier()]
     known = {plain_name(name): name for name in named.points} if program in ("tracker", "project") else {}
+    if not marks:
+        marks = [name for name in known or named.points if name.isidentifier()]
     points = {}
     for mark in marks:
         there = known.get(plain_name(said.name(mark)), said.name(mark))
@@ -250,4 +250,7 @@ def _project_unit(path: Path) -> str | None:
 
 def _unknown(path: Path, tracks: Tracks, mark: str, known: list[str]) -> InputError:
     there = ", ".join(known) or "none"
-    return InputError(f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say {mark} = "…" in [tracks]')
+    return InputError(
+        f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say --name {mark}="…", '
+        f'or {mark} = "…" in [tracks]'
+    )

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from click import NoSuchOption
 
 from calibration.camera import camera_above
+from evaluator.cli.turning import turning
 from evaluator.errors import InputError
-from evaluator.interchange.tracks import Tracks, read_any_marks
+from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
 from evaluator.marks import columns_of
 from evaluator.workflow.checks import check_experiment
 from tests.evaluator.synthetic import circling_marks
@@ -243,3 +245,27 @@ def test_check_opens_marks_of_other_programs(tmp_path: Path) -> None:
     path.write_text(head + run, encoding="utf-8")
     (fault,) = check_experiment(path).faults
     assert "unit of length" in fault
+
+
+def test_project_without_named_marks_gives_every_point_of_the_file(truth: pd.DataFrame, tmp_path: Path) -> None:
+    path = tmp_path / "project.trk"
+    path.write_text(project_text(truth, unit="mm"), encoding="utf-8")
+    assert set(read_points(path)[1]) == {"mass_A", "mass_B"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        (["--left", "mass A", "--right=mass B"], ["left=mass A", "right=mass B"]),  # though there is --left-rpm
+        (["--front", "nose"], ["front=nose"]),
+    ],
+)
+def test_option_of_a_mark_may_begin_like_a_known_one(arguments: list[str], names: list[str]) -> None:
+    parsed = turning.make_context("turning", ["r.trk", *arguments])
+    assert list(parsed.params["names"]) == names
+
+
+@pytest.mark.parametrize("arguments", [["--left", "33"], ["--strat-s", "3"], ["--robt", "robot.toml"]])
+def test_misspelt_option_is_no_mark(arguments: list[str]) -> None:
+    with pytest.raises(NoSuchOption):
+        turning.make_context("turning", ["r.trk", *arguments])
