@@ -28,8 +28,11 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
         return np.zeros((n, 2)), np.zeros((n, 2))
     share, unsure = shutter
     interval = np.where(np.diff(time_s) > 0, np.diff(time_s), np.nan)
+    # Mean velocities of two intervals differ by the change of speed between their middles; a lost frame lengthens one.
+    apart = np.full((n, 1), np.nan)
+    apart[1:-1, 0] = (interval[:-1] + interval[1:]) / 2
     change = np.full((n, 2), np.nan)
-    change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0)
+    change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0) / apart[1:-1]
     lapse = np.nan_to_num(np.fmin(np.append(interval, np.nan), np.append(np.nan, interval)))[:, None]
     # A steady change goes on in the frames around; a jump shows in one alone, or in two of three in part.
     around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
@@ -40,8 +43,8 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
         around = np.pad(steady, ((1, 1), (0, 0)), constant_values=np.nan)
         steady = np.where(np.isnan(steady), np.where(np.isnan(around[:-2]), around[2:], around[:-2]), steady)
     steady = np.nan_to_num(steady)
-    jump = np.nan_to_num(change - steady) * lapse
+    jump = np.nan_to_num((change - steady) * apart) * lapse
     jump[jump**2 < CERTAIN**2 * WEIGHTS * np.nan_to_num(variances)] = 0.0
-    shift = steady * lapse * share**2 / STEADY
-    of_share = steady * lapse * 2 * share * unsure / STEADY
+    shift = steady * (lapse * share) ** 2 / STEADY
+    of_share = steady * lapse**2 * 2 * share * unsure / STEADY
     return shift, of_share**2 + (jump * share) ** 2 / JUMP
