@@ -202,12 +202,11 @@ def _stretched(calibration: Calibration) -> str:
     if excess == 0.0:
         return ""
     longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
-    size = abs(excess)
+    size, doubt = 100 * abs(excess), 196 * calibration.excess_sigma
     return (
-        f"the gauge is {100 * size:.2g} % (± {196 * calibration.excess_sigma:.1g} %) longer along {longer} than along "
-        f"{shorter}, compared with its file: "
-        f"pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
-        f"the images do not show which, so that lengths are uncertain by {50 * size:.2g} %"
+        f"the gauge is {size:.2g} % (± {doubt:.1g} %) longer along {longer} than along {shorter}, compared with its "
+        f"file: pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
+        f"the images do not show which, so that lengths are uncertain by {size / 2:.2g} %"
     )
 
 

@@ -90,8 +90,9 @@ def stretch(views: list[View], fit: Fit, gauge: Gauge) -> tuple[float, float]:
 
     All unknowns of the fit adapt to it, so that what the lens explains as well leaves sigma large.
     """
-    step = 1e-3
-    by_stretch = (stretched(gauge, step).positions_mm() - gauge.positions_mm()).reshape(-1, 2) / step
+    place = gauge.positions_mm()
+    lies_on_its_side = abs(place[0, 1, 1] - place[0, 0, 1]) > abs(place[0, 1, 0] - place[0, 0, 0])
+    by_stretch = place.reshape(-1, 2) * ([-0.5, 0.5] if lies_on_its_side else [0.5, -0.5])
     cross, own, downhill = np.zeros(len(fit.normal)), 0.0, 0.0
     for k, view in enumerate(views):
         _, white, by_parameter = view_rows(view, fit.state, k)

@@ -129,7 +129,9 @@ class Gauge(Table):
         if self.fiducial:
             return np.asarray(sheet - sheet[self.fiducial[0].row, self.fiducial[0].column])
         span = np.ptp(sheet.reshape(-1, 2), axis=0)
-        return np.stack([-sheet[..., 1], sheet[..., 0]], axis=-1) if span[1] > span[0] * (1 + 1e-9) else sheet
+        # Sides that differ by less than half a pitch are equal: a stretch of the sheet does not turn the frame.
+        longer = span[1] > span[0] + min(self.pitch_mm) / 2
+        return np.stack([-sheet[..., 1], sheet[..., 0]], axis=-1) if longer else sheet
 
     def sheet_mm(self) -> NDArray[np.float64]:
         """Dot centres as printed: (rows, columns, 2), mm, x right, y up, origin in the middle of the array."""

@@ -16,7 +16,7 @@ from tests.calibration.bundles import FREE, GAUGE, LOOSE, bundle
 from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
 
-@pytest.mark.parametrize("excess", [0.0, 0.004, -0.004])
+@pytest.mark.parametrize("excess", [0.0, 0.0004, 0.004, -0.004])
 def test_stretch_of_a_gauge_is_measured_within_its_uncertainty(excess: float) -> None:
     views, state = bundle(4)
     # The file says that the gauge is shorter one way than it was when the views were taken.
@@ -37,6 +37,15 @@ def test_pixels_that_are_not_square_are_no_stretch() -> None:
     free = (*FREE, "aspect")
     found, sigma = stretch(squeezed, solve(squeezed, replace(state, lens=lens, free=free), LOOSE), GAUGE)
     assert abs(found) < 3 * sigma
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(9, 6), (6, 9), (8, 8)])
+def test_stretch_moves_dots_as_its_derivative_says_however_the_array_lies(columns: int, rows: int) -> None:
+    gauge = gauge_of(columns=columns, rows=rows)
+    for excess in (1e-3, -1e-3):
+        moved = stretched(gauge, excess).positions_mm() - gauge.positions_mm()
+        along, down = np.ptp(moved.reshape(-1, 2), axis=0)[:: -1 if rows > columns else 1]
+        assert (along, down) == pytest.approx((0.0015 * (columns - 1), 0.0015 * (rows - 1)))
 
 
 def test_stretched_gauge_keeps_its_mean_pitch_and_counts_half_its_stretch_as_uncertainty() -> None:
