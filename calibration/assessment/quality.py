@@ -204,8 +204,8 @@ def _stretched(calibration: Calibration) -> str:
     longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
     size, doubt = 100 * abs(excess), 196 * calibration.excess_sigma
     return (
-        f"the gauge is {size:.2g} % (± {doubt:.1g} %) longer along {longer} than along {shorter}, compared with its "
-        f"file: pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
+        f"compared with its file, the gauge is {size:.2g} % (± {doubt:.1g} %) longer along {longer} than {shorter}: "
+        f"pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
         f"the images do not show which, so that lengths are uncertain by {size / 2:.2g} %"
     )
 

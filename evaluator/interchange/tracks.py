@@ -172,8 +172,7 @@ def _foreign_points(
     if len(points) < max(needed, 1) or any(mark in marks and mark not in points for mark in said.names):
         raise _unknown(path, said, next((mark for mark in marks if mark not in points), "a mark"), sorted(named.points))
     time = named.time_s
-    units = {"project": _project_unit, "plain": plain_unit, "tracker": lambda _: None}
-    unit = said.unit or (units[program](path) if program in units else "px")
+    unit = said.unit or _stated_unit(path, program)
     if unit is None:
         raise InputError(
             f'{path}: the file has no unit of length; say --unit mm (px, cm, m), or unit = "mm" in [tracks]'
@@ -240,6 +239,15 @@ def _marks_table(
             placed = place * MM_PER[unit]
         table[[f"{mark}_x_mm", f"{mark}_y_mm"]] = placed
     return table
+
+
+def _stated_unit(path: Path, program: Program) -> str | None:
+    """Unit of length that a file states, or that its program always has; None if there is none."""
+    if program == "project":
+        return _project_unit(path)
+    if program == "plain":
+        return plain_unit(path)
+    return None if program == "tracker" else "px"
 
 
 def _project_unit(path: Path) -> str | None:

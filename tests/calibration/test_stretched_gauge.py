@@ -63,7 +63,7 @@ def test_sheet_printed_too_long_one_way_gives_the_camera_as_it_is() -> None:
     assert abs(found.excess - 0.004) < 3 * found.excess_sigma < 6e-4
     verdict = assess(found)
     assert verdict.level == "limited"
-    assert any("longer along columns than along rows" in reason for reason in verdict.reasons)
+    assert any("longer along columns than rows" in reason for reason in verdict.reasons)
     points = np.stack(np.meshgrid(np.linspace(20, 380, 5), np.linspace(20, 280, 4)), axis=-1)
     error = found.camera.plate_from_image(points, 6.5) - camera.plate_from_image(points, 6.5)
     assert np.sqrt(np.mean(error**2)) < 0.002  # 0.02 where the file is believed
