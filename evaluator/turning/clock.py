@@ -73,13 +73,22 @@ def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Com
         return CommandDelay()
     # Misfits are comparable only if they are of the same frames: the search extends as far as half of the changes
     # allow, and uses these.
-    most = min(MOST_LATE_S, float(np.median(room[room > 0])))
+    most = _most(room)
     grid = np.arange(-most, most, step)
     roomy = [window for window, most_late in zip(windows, room, strict=True) if most_late >= most]
     coarse = float(min(grid, key=lambda late: _misfit(time_s, pose, roomy, float(late))[0]))
     near = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
     fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
     return _refined(time_s, pose, fine, coarse, step) if fine else CommandDelay()
+
+
+def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:
+    """Largest delay that command_delay finds; 0 if the changes follow one another too fast for any."""
+    return _most(_windows(time_s, changes_s, float(np.median(np.diff(time_s))) * FEWEST_FRAMES)[1])
+
+
+def _most(room: Array) -> float:
+    return min(MOST_LATE_S, float(np.median(room[room > 0]))) if (room > 0).any() else 0.0
 
 
 def _windows(time_s: Array, changes_s: Sequence[float], margin_s: float) -> tuple[Windows, Array]:

@@ -83,10 +83,11 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
 
 def _outside(run: Run) -> str | None:
     """The fault of motors that start or stop outside the recording, by the duration that the container states."""
-    from evaluator.interchange.poses import read_poses
+    from evaluator.interchange.poses import poses_of, read_poses
     from evaluator.interchange.tracks import program_of
     from evaluator.marks import read_marks
     from evaluator.recording import open_recording
+    from evaluator.workflow.runs.phases import start_by_motion
 
     try:
         if run.video is not None:
@@ -95,7 +96,9 @@ def _outside(run: Run) -> str | None:
         if run.marks is not None and program_of(run.marks) == "turnscope":
             time = read_marks(run.marks)["time_s"]
         elif run.poses is not None:
-            time = read_poses(run.poses, run.topics).table["time_s"]
+            poses, command = poses_of(read_poses(run.poses, run.topics).table), run.run_command()
+            fault = run.outside(command, float(poses.time_s[0]), float(poses.time_s[-1]))
+            return fault and fault + start_by_motion(run, command, poses)
         else:
             return None
         return run.outside(run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.interchange.commands import RunCommand
+from evaluator.interchange.log_offset import LogOffset, log_offset
 from evaluator.pose import Poses
+from evaluator.settings import Run
 from evaluator.turning import RobotShape, Turning, measure_turning
-from evaluator.turning.clock import CommandDelay, command_delay
+from evaluator.turning.clock import MOST_LATE_S, CommandDelay, command_delay, most_late_s
 
 # Shorter intervals are not phases, because a joystick passes through many intermediate values.
 FEWEST_FRAMES = 12
@@ -73,13 +75,46 @@ def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
 
 
 def command_delay_of(run_command: RunCommand, poses: Poses) -> CommandDelay:
-    """Delay of a run's motion after its command log."""
+    """Delay of a run's motion after its command log.
+
+    Of clocks far apart, and of a log that changes again before the motion has followed, by the whole motion; otherwise
+    by the moments of the changes.
+    """
     there = poses.measured
     if there.sum() < FEWEST_FRAMES:
         return CommandDelay()
+    time_s, pose = poses.time_s[there], np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
+    offset = _offset(run_command, time_s, pose, MOST_LATE_S)
+    apart_s = offset.value_s if offset is not None and abs(offset.value_s) > MOST_LATE_S else 0.0
+    begun = [apart_s + item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
+    changes = [change for change in begun if time_s[0] < change < time_s[-1]]
+    found = command_delay(time_s, pose, changes)
+    if offset is not None and changes:
+        late_s = abs(offset.value_s - apart_s)
+        if not np.isfinite(found.value_s) or late_s > most_late_s(time_s, changes):
+            return CommandDelay(offset.value_s, offset.low_s, offset.high_s)
+    return CommandDelay(found.value_s + apart_s, found.low_s + apart_s, found.high_s + apart_s, found.rise_s)
+
+
+def _offset(
+    run_command: RunCommand, time_s: NDArray[np.float64], pose: NDArray[np.float64], near_s: float
+) -> LogOffset | None:
+    command = run_command.command
+    return log_offset(time_s, pose, command.at, (float(command.time_s[0]), float(command.time_s[-1])), near_s)
+
+
+def start_by_motion(run: Run, run_command: RunCommand, poses: Poses) -> str:
+    """The start_s at which the motion follows the log of a run, as the end of a sentence; empty if it does not show."""
+    there = poses.measured
+    if not run_command.logged or there.sum() < FEWEST_FRAMES:
+        return ""
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
-    changes = [item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
-    return command_delay(poses.time_s[there], pose, changes)
+    offset = _offset(run_command, poses.time_s[there], pose, 0.0)
+    if offset is None:
+        return ""
+    return (
+        f"; the motion follows the log with start_s = {run.start_s + offset.value_s:.2f} (delay of the motors included)"
+    )
 
 
 def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:

@@ -33,7 +33,7 @@ from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from evaluator.workflow.runs.job import Job, RunResult
-from evaluator.workflow.runs.phases import Phase, phases_of, rows_of
+from evaluator.workflow.runs.phases import Phase, phases_of, rows_of, start_by_motion
 from evaluator.workflow.runs.thumbnails import WithThumbnails
 from simulator.robot import Robot
 
@@ -138,7 +138,7 @@ class _Stages:
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
         fault = self.run.outside(self.run_command, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))
         if fault is not None:
-            raise InputError(fault)
+            raise InputError(fault + start_by_motion(self.run, self.run_command, self.poses))
         count = len(self.job.robot.points_mm)  # the path of a single mark is measured, without a heading
         if not (np.isfinite(self.poses.x_mm) if count == 1 else self.poses.measured).any():
             reasons, counts = np.unique(self.poses.status, return_counts=True)
