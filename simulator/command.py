@@ -23,7 +23,9 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 RPM = {"rpm": 1.0, "rad_s": RPM_PER_RAD_S}
 M_S = {"m_s": 1.0, "mm_s": 1e-3}
 YAW_RAD_S = {"rad_s": 1.0, "deg_s": math.pi / 180}
-EXPECTED = "a command log has time_s, left_rpm, right_rpm"
+EXPECTED = (
+    "a command log has time_s and left_rpm, right_rpm (or _rad_s, _m_s), or forward_m_s, yaw_rate_rad_s of a controller"
+)
 
 
 @dataclass(frozen=True)

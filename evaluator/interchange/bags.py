@@ -58,7 +58,8 @@ def read_commands(path: Path, topics: Topics) -> tuple[Array, Array]:
     """
     rows = []
     for kind, at_s, message in _messages(path, topics.topic, COMMANDS, "topic"):
-        rows.append((at_s, *COMMANDS[kind](message, topics, f"{path}: {topics.topic}")))
+        where = f"{path}: {topics.topic or f'the topic of type {kind}'}"
+        rows.append((at_s, *COMMANDS[kind](message, topics, where)))
     found = np.array(sorted(rows, key=lambda row: row[0]), dtype=float)
     return found[:, 0], found[:, 1:]
 
