@@ -11,6 +11,7 @@ from evaluator.report.diagnosis.knowledge import (
     predicted_sentence,
     preferred_sentence,
 )
+from evaluator.report.diagnosis.values import sizes
 from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
     as_sentence,
@@ -27,7 +28,6 @@ from evaluator.report.diagnosis.words import (
     verdict_sentence,
     where_sentences,
 )
-from evaluator.report.numbers import true_minus
 
 SENTENCES = 4  # on disagreements; all are in diagnosis.json
 
@@ -42,8 +42,8 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         share = f", probability {_probability(effect['probability'])}" if content["verdict"] == "effect" else ""
         lines.append(f"{effect['id']}{share}:")
         for name, value in effect["parameters"].items():
-            text = f"  {name} = {value['value']:.4g}  [95 %: {value['low']:.4g} to {value['high']:.4g}]"
-            lines.append(true_minus(text))
+            best, low, high = sizes(name, value, effect["id"])
+            lines.append(f"  {name} = {best}  [95 %: {low} to {high}]")
         lines.append(equivalents_sentence(effect))
     lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
     if content.get("runs_not_followed") and closes(content):
