@@ -16,6 +16,7 @@ from simulator.command import Command
 FRAMES = 80  # of a run that are compared: a path is smooth
 # Ratios of frame rates that recordings have: 24, 25, 30, 50, 60, 120, and fields for frames.
 RATES = (0.5, 2.0, 0.25, 4.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
+SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
 # Times by which the clock of a command log may be off, s: the steps are finer than what is called a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 
@@ -36,8 +37,8 @@ def alternatives(
 ) -> list[Alternative]:
     """The statement of the file, then every mistake, more common ones first.
 
-    data: all runs, whose commands this run may have had. interval_ratio: frame interval of this run over that of the
-    session, None if all runs have the same within same_interval.
+    data: runs with the commands that this run may have had, each log once (distinct_commands). interval_ratio: frame
+    interval of this run over that of the session, None if all runs have the same within same_interval.
     """
     exchanged = replace(run, marks_mm=run.marks_mm[:, [2, 3, 0, 1]])
     mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
@@ -117,21 +118,29 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
         words += f", not {left:g} / {right:g}" if run.log is None else ", not as its log says"
         changed = replace(run, left_rpm=command[0], right_rpm=command[1], log=None)
         found.append(Alternative("wrong-command", changed, words))
-    logs: list[RunCommand] = [run.log] if run.log is not None else []
     for other in data:
-        if other.log is None or other.id == run.id or any(_alike(other.log, log) for log in logs):
+        if other.log is None or other.id == run.id or (run.log is not None and _alike(other.log, run.log)):
             continue
-        logs.append(other.log)
         left, right = other.command
         changed = replace(run, left_rpm=left, right_rpm=right, log=other.log, start_s=other.start_s)
         found.append(Alternative("wrong-command", changed, f"moves as the command log of {other.id} says"))
     return found
 
 
+def distinct_commands(data: Sequence[RunData]) -> list[RunData]:
+    """The runs without those whose log holds the same commands as one before."""
+    found: list[RunData] = []
+    for run in data:
+        if run.log is None or not any(other.log is not None and _alike(run.log, other.log) for other in found):
+            found.append(run)
+    return found
+
+
 def _alike(first: RunCommand, second: RunCommand) -> bool:
     """Whether two logs hold the same commands."""
     one, other = first.command.knots, second.command.knots
-    return one.shape == other.shape and bool(np.allclose(one, other))
+    # np.allclose takes ten times as long, and sessions have hundreds of logs, each compared with all others
+    return one.shape == other.shape and bool((np.abs(one - other) <= SAME * (1 + np.abs(other))).all())
 
 
 def _offsets(run: RunData) -> list[Alternative]:

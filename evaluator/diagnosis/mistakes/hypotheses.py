@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.mistakes.alternatives import Alternative, alternatives, correction_to, thinned
+from evaluator.diagnosis.mistakes.alternatives import (
+    Alternative,
+    alternatives,
+    correction_to,
+    distinct_commands,
+    thinned,
+)
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from simulator.robot import Robot
 
@@ -61,8 +67,9 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     intervals = np.array([np.median(np.diff(run.time_s)) for run in data])
     ratios = intervals / np.median(intervals)
     same = bool(np.all(np.abs(ratios - 1) < SAME_INTERVAL))
+    commands = distinct_commands(thin)
     ways = [
-        alternatives(run, thin, None if same else float(ratio), SAME_INTERVAL)
+        alternatives(run, commands, None if same else float(ratio), SAME_INTERVAL)
         for run, ratio in zip(thin, ratios, strict=True)
     ]
     judgements = _judgements(ways, robots)
@@ -126,7 +133,7 @@ def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) ->
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
     """The mistake that a run fits, for a run known to disagree with a robot that explains all others; None if none."""
     thin = thinned(run)
-    (judgement,) = _judgements([alternatives(thin, [thin, *others], None, SAME_INTERVAL)], [robot])
+    (judgement,) = _judgements([alternatives(thin, distinct_commands([thin, *others]), None, SAME_INTERVAL)], [robot])
     return _judged(judgement, {"wrong-rate"}, least_share=0.0)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, thinned
+from evaluator.diagnosis.mistakes.alternatives import OFFSETS_S, alternatives, distinct_commands, thinned
 from evaluator.diagnosis.mistakes.hypotheses import _extent, _misfit, misread_runs, unsigned_speeds
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.interchange.commands import RunCommand
@@ -58,7 +58,7 @@ def test_misfit_is_what_no_rotation_and_shift_take_away_and_extent_the_larger_of
 
 def ways_of(run: RunData, *others: RunData, ratio: float | None = None) -> dict[str, list[RunData]]:
     found: dict[str, list[RunData]] = {}
-    for way in alternatives(run, [run, *others], ratio, 0.04):
+    for way in alternatives(run, distinct_commands([run, *others]), ratio, 0.04):
         found.setdefault(str(way.kind), []).append(way.run)
     return found
 
