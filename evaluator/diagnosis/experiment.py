@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +68,18 @@ class Session:
             return True
         apart = np.hypot(*(starts[0, :2] - starts[0, 2:]))
         return bool(np.ptp(starts, axis=0).max() > ONE_PLACE * apart)
+
+    @property
+    def commands_recur(self) -> bool:
+        """Whether changes over the session can be distinguished from differences between commands.
+
+        On a plate, yes: the model explains each command to the noise. On open ground the residuals of a model depend on
+        the command, and imitate a drift unless at least two commands are driven again after others.
+        """
+        if not any(map(is_full_size, self.robots)):
+            return True
+        stretches = [command for command, _ in groupby(run.command for run in self.data)]
+        return sum(count > 1 for count in Counter(stretches).values()) >= FEWEST_COMMANDS
 
     @property
     def tolerance(self) -> dict[str, float]:

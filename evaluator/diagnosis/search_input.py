@@ -56,7 +56,9 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     given = {entry.id for entry in session.robots[0].effect}
     size = size_of(session.robots[0])
     frame = session.one_frame
-    every = named_terms(_reach(session), _levels(session), session.own, size, one_frame=frame)
+    every = named_terms(
+        _reach(session), _levels(session), session.own, size, one_frame=frame, commands_recur=session.commands_recur
+    )
     named = {effect: term for effect, term in every.items() if effect not in given}
     own = [EFFECTS[effect] for effect in session.own]
     said = {effect for item in own for effect in included_named_effects(item)}

@@ -39,17 +39,20 @@ def named_terms(
     size: Size = PAPER_SIZE,
     *,
     one_frame: bool = True,
+    commands_recur: bool = True,
 ) -> dict[str, Candidate]:
     """All effects of the catalogue, and those of the user, as candidates by id.
 
     reach_mm: largest distance of the robot from the origin, for positions of an attraction. command_levels_rpm:
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
+    omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
     omitted. On a plate, effects of open ground are omitted.
     """
     scene = Scene(reach_mm, command_levels_rpm, size)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}
+    left_out |= {id_ for id_ in scenes if EFFECTS[id_].varies_by_run and not commands_recur}
     left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not size.on_ground}
     return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if id_ not in left_out}

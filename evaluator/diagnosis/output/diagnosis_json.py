@@ -120,9 +120,11 @@ def _changes(found: Changes) -> ChangesContent:
 
 
 def _not_tried(session: Session) -> list[str]:
-    """Effects that depend on the position on the plate, if the runs have no common frame; else none."""
-    tried = (*BUILT_IN, *session.own)
-    return [] if session.one_frame else sorted(effect for effect in tried if EFFECTS[effect].of_plate)
+    """Effects that these runs cannot show: of the plate without a common frame, from run to run without repetitions."""
+    asked = (*BUILT_IN, *session.own)
+    hidden = {effect for effect in asked if EFFECTS[effect].of_plate and not session.one_frame}
+    hidden |= {effect for effect in asked if EFFECTS[effect].varies_by_run and not session.commands_recur}
+    return sorted(hidden)
 
 
 def _together(diagnosis: Diagnosis) -> KnownTogetherContent | None:

@@ -119,8 +119,13 @@ def unlike_sentences(content: Json) -> list[str]:
 def not_tried_sentence(content: Json) -> str:
     """Effects that these runs cannot show; empty if all were tested."""
     effects = content.get("not_tried") or []
-    reason = "Poses are relative to the start of each run, so effects that are fixed to the plate"
-    return f"{reason} were not tested: {', '.join(effects)}." if effects else ""
+    by_run = [effect for effect in effects if effect in EFFECTS and EFFECTS[effect].varies_by_run]
+    of_plate = [effect for effect in effects if effect not in by_run]
+    reasons = (
+        ("Poses are relative to the start of each run, so effects that are fixed to the plate", of_plate),
+        ("Commands are not repeated later in the session, so effects that change from run to run", by_run),
+    )
+    return " ".join(f"{reason} were not tested: {', '.join(those)}." for reason, those in reasons if those)
 
 
 def rivals_sentence(content: Json) -> str:

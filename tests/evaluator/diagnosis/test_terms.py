@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,7 +14,9 @@ from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.parameter import Size
+from simulator.robot import load_robot
 
+HUSKY = Path(__file__).parents[2] / "driven_robot" / "husky.toml"
 TERMS = named_terms(30.0, (10.0, 30.0))
 
 
@@ -49,6 +54,19 @@ def test_runs_whose_poses_all_begin_in_one_place_have_no_common_frame_and_measur
     assert share(here, here, there)
     assert share(here, here, from_poses=False)
     assert share(here)
+
+
+@pytest.mark.parametrize(
+    ("levels", "recur"), [("AABBCC", False), ("AABBCCA", False), ("AABBCCAB", True), ("ABAB", True), ("AAAA", False)]
+)
+def test_a_change_from_run_to_run_is_sought_on_open_ground_where_two_commands_recur(
+    levels: str, *, recur: bool
+) -> None:
+    runs = tuple(replace(run_from((0.0, 1.83), from_poses=True), left_rpm=float(ord(level))) for level in levels)
+    husky, barrel = load_robot(HUSKY), load_robot("barrel")
+    assert Session(runs, (husky,) * len(runs), {}).commands_recur == recur
+    assert Session(runs, (barrel,) * len(runs), {}).commands_recur  # the model explains each command to the noise
+    assert set(TERMS) - set(named_terms(30.0, (10.0, 30.0), commands_recur=False)) == {"speed-drift"}
 
 
 def test_effects_and_terms_of_the_plate_are_not_tried_where_runs_share_no_frame() -> None:

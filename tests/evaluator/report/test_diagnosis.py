@@ -16,6 +16,7 @@ from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     left_out_sentence,
     next_runs_sentence,
+    not_tried_sentence,
     rivals_sentence,
     verdict_sentence,
     where_sentences,
@@ -237,8 +238,19 @@ def test_a_parameter_is_told_with_its_bounds_and_four_disagreements_are() -> Non
     content = {**CONTRACT, "reason": "so", "effects": [{**CONTRACT["effects"][0], "parameters": said}]}
     content["where"] = [{"sentence": f"disagreement {number}"} for number in range(5)]
     lines = verdict_lines(content)
-    assert "  angle_deg = −1.812  [95 %: −1.9 to −1.72]" in lines
+    assert "  angle_deg = −1.81  [95 %: −1.90 to −1.72]" in lines
     assert [line for line in lines if "isagreement" in line] == [f"Disagreement {number}." for number in range(4)]
+
+
+def test_effects_that_these_runs_cannot_show_are_told_with_the_reason() -> None:
+    content = {"not_tried": ["plate-tilt", "speed-drift", "stray-magnet"]}
+    said = not_tried_sentence(content)
+    assert "fixed to the plate were not tested: plate-tilt, stray-magnet. Commands are not repeated" in said
+    assert said.endswith("effects that change from run to run were not tested: speed-drift.")
+    limit = {"ahead_rpm": {"value": 1e6, "low": 51.7, "high": 1e6}}
+    content = {**CONTRACT, "reason": "so", "effects": [{**CONTRACT["effects"][0], "id": "speed-limit"}]}
+    content["effects"][0]["parameters"] = limit
+    assert "  ahead_rpm = ∞  [95 %: 51.7 to ∞]" in verdict_lines(content)
 
 
 def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
