@@ -51,7 +51,7 @@ Examples:
     "--write-effect",
     type=PATH,
     metavar="FILE",
-    help='If the verdict is "unknown": write the free-form term that explains the runs as an effect of your own.',
+    help='If the verdict is "unknown": write the free-form term that explains most as an effect of your own.',
 )
 @click.option(
     "--seconds",
@@ -84,7 +84,8 @@ def diagnose(
 
     Effects of your own (effects/*.toml beside the experiment; turnscope effects new ID writes a template) are tested
     like those of the catalogue. If the verdict is "unknown", DIR/own_effect.toml holds the free-form term that explains
-    the runs. Move it to effects/ to have it tested as an effect.
+    the runs, and DIR/own_effect_2.toml another one, if two are needed. Move them to effects/ to have them tested as
+    effects.
 
     Several experiments are diagnosed in parallel, each into a subfolder of DIR with its name. Results do not depend on
     --workers or --dask.
@@ -172,9 +173,9 @@ def _say(found: DiagnosisResult) -> None:
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
     if changed := found.content.get("changed_meanwhile"):
         click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
-    form = Outputs(found.out).own_effect
-    if found.verdict == "unknown" and form.is_file():
-        click.echo(f"{form}  (free-form term that explains the runs; move it to effects/ to use it as an effect)")
+    for form in Outputs(found.out).own_effects:
+        if found.verdict == "unknown" and form.is_file():
+            click.echo(f"{form}  (free-form term that explains the runs; move it to effects/ to use it as an effect)")
 
 
 def _left_out(content: dict[str, Any]) -> int:

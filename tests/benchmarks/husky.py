@@ -174,10 +174,10 @@ def diagnose_some(drive: Drive, robot: Path, count: int, choice: int) -> None:
         tell_diagnosis(
             f"{len(windows)} windows of {len(steps)} steps", diagnose_experiment(path, out, workers=1, seconds=inf)[1]
         )
-        offered = Outputs(out).own_effect
-        if offered.is_file():  # as `turnscope diagnose --effect own_effect.toml` does
-            own = shutil.copy(offered, Path(name))
-            content = diagnose_experiment(path, out, workers=1, effects=[Path(own)], seconds=inf)[1]
+        offered = [file for file in Outputs(out).own_effects if file.is_file()]
+        if offered:  # as `turnscope diagnose --effect own_effect.toml` does
+            own = [Path(shutil.copy(file, Path(name))) for file in offered]
+            content = diagnose_experiment(path, out, workers=1, effects=own, seconds=inf)[1]
             tell_diagnosis("the same with the form that it offers", content)
 
 

@@ -14,7 +14,7 @@ from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import USUAL_SECONDS
 from evaluator.diagnosis.output.content import DiagnosisContent
 from evaluator.diagnosis.output.diagnosis_json import disagreement, record
-from evaluator.diagnosis.output.own_effect import own_effect
+from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.diagnosis.result import Diagnosis
@@ -154,11 +154,11 @@ def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: O
     """
     files = [outputs.diagnosis]
     table, added = disagreement(found), bool(found.chosen) and found.follows
-    form = own_effect(found) if found.verdict == "unknown" else None
+    forms = own_effects(found) if found.verdict == "unknown" else []
     written = (
         (outputs.disagreement, table is not None),
         (outputs.robot_with_effect, added),
-        (outputs.own_effect, form is not None),
+        *((path, number < len(forms)) for number, path in enumerate(outputs.own_effects)),
     )
     for path, there in written:
         if there:
@@ -169,8 +169,8 @@ def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: O
         write_table(table, outputs.disagreement)
     if outputs.robot_with_effect in files:
         write_text(outputs.robot_with_effect, robot_with_effect(found, robot))
-    if form is not None:
-        write_text(outputs.own_effect, form)
+    for path, form in zip(outputs.own_effects, forms, strict=False):
+        write_text(path, form)
     for effect in sorted(found.chosen & set(found.session.own)):
         source = file_of(effect)
         if source is not None and source.suffix == ".toml":  # beside the robot file that has it

@@ -54,8 +54,13 @@ class Outputs:
 
     @property
     def own_effect(self) -> Path:
-        """The free-form term that explains the runs, as the file of a user-defined effect."""
+        """The free-form term that explains most, as the file of a user-defined effect."""
         return self.folder / "own_effect.toml"
+
+    @property
+    def own_effects(self) -> tuple[Path, ...]:
+        """That file, and those of the other free-form terms of a set, which has four effects at most."""
+        return (self.own_effect, *(self.folder / f"own_effect_{number}.toml" for number in (2, 3, 4)))
 
     @property
     def effects(self) -> Path:

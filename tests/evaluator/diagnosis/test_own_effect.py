@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.workflow import diagnose
 from simulator.own_effects.files import load_own
 from simulator.own_effects.template import template
@@ -27,6 +30,29 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     load_own(own)
     commands = (*COMMANDS[-4:], (50.0, 20.0), (-20.0, -50.0))
     return write_hidden(folder / "session", {"mixed-drive": MIX}, commands=commands, seconds=4.0, exact=True)
+
+
+def test_every_free_form_term_is_an_effect_of_its_own_and_the_one_that_explains_most_comes_first(
+    tmp_path: Path,
+) -> None:
+    mixing, fading = "free:left_drive.right_command+right_drive.left_command", "free:friction.abs_u"
+    chosen, every = frozenset({mixing, fading, "speed-limit"}), free_terms()
+    evidence = {chosen - {mixing}: 100.0, chosen - {fading}: 300.0}
+    diagnosed: Any = SimpleNamespace(
+        chosen=chosen,
+        terms={mixing: every[mixing], fading: every[fading], "speed-limit": None},
+        follows=True,
+        fit=SimpleNamespace(point=SimpleNamespace(terms={mixing: (0.3, 0.2), fading: (-0.1,)})),
+        search=SimpleNamespace(evidence=evidence.__getitem__),
+    )
+    ids = []
+    for number, text in enumerate(own_effects(diagnosed)):
+        file = tmp_path / f"{number}.toml"
+        file.write_text(text, encoding="utf-8")
+        ids.append((load_own(file).id, text.count("[[term]]\n")))
+    assert ids == [("found-by-diagnosis", 2), ("found-by-diagnosis-2", 1)]
+    diagnosed.follows = False
+    assert own_effects(diagnosed) == []
 
 
 def found(folder: Path) -> dict[str, Any]:
