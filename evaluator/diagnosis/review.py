@@ -46,8 +46,8 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
     follows = len(outlying) <= most_odd(len(runs))
     # friction and gains of each run are meaningless if the model does not explain the marks
     before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
-    seen = pieces(problem, before)
-    seen_after = pieces(problem, placed)
+    one_frame = found.session.one_frame
+    seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
     assert found.terms is not None
     terms, session = found.terms, found.session
     (before_mm, lost_before), (predicted_mm, lost_after) = (
@@ -89,7 +89,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     if not found.follows:
         reason = "neither the nominal model nor any effect could be fitted to the marks"
         return replace(found, verdict="unknown", reason=reason)
-    reason = ""
+    reason, open_ground = "", found.search.problem.open_ground
     if found.verdict == "none" and not found.negligible:
         missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
         reason = (
@@ -98,8 +98,11 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
             else ""
         )
     elif found.verdict == "effect":
-        reason = grown_gap(found.gap, found.held_out)
-    if reason and (few := too_few_runs(found.search, frozenset(), found.session)):
-        plain = replace(found, verdict="insufficient", reason=f"{reason}; {few}", chosen=frozenset(), profiles={})
+        reason = grown_gap(found.gap, found.held_out, open_ground=open_ground)
+    few = "runs of more commands are needed" if open_ground and found.chosen else ""
+    if reason and (few := few or too_few_runs(found.search, frozenset(), found.session)):
+        fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
+        reason = f"{fitted}{reason.removeprefix('with it, ')}; {few}"
+        plain = replace(found, verdict="insufficient", reason=reason, chosen=frozenset(), profiles={})
         return reviewed(plain, nominal)
     return replace(found, verdict="unknown", reason=reason) if reason else found

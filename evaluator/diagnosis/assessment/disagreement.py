@@ -32,6 +32,8 @@ COLUMNS = (
     *("difference_rpm", "heading_deg", "x_mm", "y_mm", "order"),
 )
 
+PLACE = ("heading_deg", "x_mm", "y_mm")
+
 QUANTITIES = {"along_mm_s": "speed along the robot", "across_mm_s": "sideways speed", "yaw_deg_s": "yaw rate"}
 UNITS = {"along_mm_s": "mm/s", "across_mm_s": "mm/s", "yaw_deg_s": "deg/s"}
 
@@ -56,11 +58,12 @@ class Dependence:
     rms: float = 0.0
 
 
-def pieces(problem: Problem, point: Point) -> pd.DataFrame:
+def pieces(problem: Problem, point: Point, *, one_frame: bool = True) -> pd.DataFrame:
     """A row per piece of a run: disagreement along, across (mm/s) and in yaw (deg/s), and quantities it may depend on.
 
     Measured velocities are in the frame of the measured robot, predicted ones in that of the predicted robot, so that
-    an earlier error of heading does not appear as sideways speed.
+    an earlier error of heading does not appear as sideways speed. one_frame: whether the runs share a frame; without
+    it, place and heading are NaN.
     """
     rows = []
     for number, run in enumerate(problem.data):
@@ -94,7 +97,8 @@ def pieces(problem: Problem, point: Point) -> pd.DataFrame:
                     "order": run.order,
                 }
             )
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    return table if one_frame else table.assign(**dict.fromkeys(PLACE, np.nan))
 
 
 def _velocity_misfit(
@@ -132,7 +136,7 @@ def every_dependence(table: pd.DataFrame) -> list[Dependence]:
         values = table[quantity].to_numpy(dtype=float)
         for (by, parity), (common, tested) in _designs(table, quantity).items():
             columns = np.column_stack([*common, *tested])
-            if np.linalg.matrix_rank(columns) < columns.shape[1]:
+            if not np.isfinite(columns).all() or np.linalg.matrix_rank(columns) < columns.shape[1]:
                 continue
             size, half, sigmas = _clustered(values, columns, runs, len(tested))
             sizes = tuple((v, v - h, v + h) for v, h in zip(map(float, size), map(float, half), strict=True))

@@ -70,6 +70,17 @@ def test_pieces_last_about_a_second_between_the_commands_and_know_their_run() ->
     (row,) = table.iloc[:1].to_dict("records")
     assert (row["run"], row["order"], row["direction"], row["side"]) == ("r7", 7, -1.0, 1.0)
     assert (row["speed_rpm"], row["difference_rpm"]) == (20.0, 20.0)
+    alone = pieces(problem, cast("Any", SimpleNamespace(task=lambda number: number)), one_frame=False)
+    assert alone[["heading_deg", "x_mm", "y_mm"]].isna().all(axis=None)  # poses in frames of their own have no place
+    assert alone.drop(columns=["heading_deg", "x_mm", "y_mm"]).notna().all(axis=None)
+
+
+def test_runs_in_frames_of_their_own_show_no_dependence_on_place_or_heading() -> None:
+    table = disagreeing(along_mm_s=lambda row: 0.1 * row["x_mm"])
+    assert {"place", "heading"} <= {item.by for item in every_dependence(table)}
+    found = {item.by for item in every_dependence(table.assign(heading_deg=np.nan, x_mm=np.nan, y_mm=np.nan))}
+    assert "speed" in found
+    assert not [by for by in found if "place" in by or "heading" in by]
 
 
 def disagreeing(**terms: Any) -> pd.DataFrame:

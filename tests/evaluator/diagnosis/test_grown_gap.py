@@ -55,6 +55,14 @@ def test_a_predicted_gap_may_not_grow_in_the_runs_held_out_though_it_shrinks_in_
     assert (f"grows in {held_out} of {held_out} held-out runs" in said) == speaks
 
 
+def test_a_predicted_gap_of_runs_held_out_must_shrink_on_open_ground() -> None:
+    """Four runs are too few for the sign test, and short ones on open ground do not need it."""
+    found = gap(0.01, grown=2, by_mm=0.07)
+    assert grown_gap(found, range(4)) == ""
+    assert "does not shrink (0.2 to 0.218 mm)" in grown_gap(found, range(4), open_ground=True)
+    assert grown_gap(found, range(1, 5), open_ground=True) == ""
+
+
 @pytest.mark.parametrize(("grown", "of", "speaks"), [(7, 8, False), (8, 9, True), (5, 5, False), (6, 6, True)])
 def test_chance_is_one_side_of_a_95_percent_interval(grown: int, of: int, speaks: bool) -> None:
     """Tails of equal odds: 3.5 % and 2.0 %, 3.1 % and 1.6 %."""
@@ -123,7 +131,7 @@ def _of_four_runs(verdict: str, after: float) -> Diagnosis:
         None,  # type: ignore[arg-type]
         chosen=frozenset({"plate-tilt"}),
         gap=gap(after),
-        search=SimpleNamespace(),  # type: ignore[arg-type]
+        search=SimpleNamespace(problem=SimpleNamespace(open_ground=False)),  # type: ignore[arg-type]
     )
 
 
