@@ -123,7 +123,7 @@ def test_a_term_without_a_name_whose_gap_does_not_shrink_is_not_told(
     assert ("does not shrink (0.1 to 0.11 mm) with it" in again.reason) == (not told)
 
 
-def _of_four_runs(verdict: str, after: float) -> Diagnosis:
+def _of_four_runs(verdict: str, after: float, *, open_ground: bool = False) -> Diagnosis:
     """A diagnosis of four runs that the model follows, whose gap says something against it."""
     return Diagnosis(
         verdict,  # type: ignore[arg-type]
@@ -131,7 +131,7 @@ def _of_four_runs(verdict: str, after: float) -> Diagnosis:
         None,  # type: ignore[arg-type]
         chosen=frozenset({"plate-tilt"}),
         gap=gap(after),
-        search=SimpleNamespace(problem=SimpleNamespace(open_ground=False)),  # type: ignore[arg-type]
+        search=SimpleNamespace(problem=SimpleNamespace(open_ground=open_ground)),  # type: ignore[arg-type]
     )
 
 
@@ -144,6 +144,14 @@ def test_what_speaks_against_an_effect_in_too_few_runs_is_insufficient(monkeypat
     assert review._doubted(_of_four_runs("effect", 0.01), None).verdict == "effect"  # type: ignore[arg-type]
     monkeypatch.setattr(review, "too_few_runs", lambda *_: "")
     assert review._doubted(_of_four_runs("effect", 0.11), None).verdict == "unknown"  # type: ignore[arg-type]
+
+
+def test_what_speaks_against_an_effect_on_open_ground_asks_for_more_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
+    found = review._doubted(_of_four_runs("effect", 0.11, open_ground=True), None)  # type: ignore[arg-type]
+    assert (found.verdict, found.chosen) == ("insufficient", frozenset())
+    assert found.reason.startswith("with plate-tilt, the gap after refitting does not shrink")
+    assert found.reason.endswith("; runs of more commands are needed")
 
 
 def test_a_run_that_cannot_be_simulated_from_its_start_pose_is_named_with_the_reason(
