@@ -13,7 +13,7 @@ from scipy import stats
 
 from evaluator.diagnosis.assessment import relevance
 from evaluator.diagnosis.assessment.adequacy import _known, _order, adequacy
-from evaluator.diagnosis.assessment.gap import MISSED, OF_WANDER, farthest_followed, noise_floor, rms, run_gaps
+from evaluator.diagnosis.assessment.gap import farthest_followed, noise_floor, rms, run_gaps
 from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
 from evaluator.diagnosis.inference.left_overs import left_overs
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
@@ -177,7 +177,7 @@ def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model()
         problem: Any = SimpleNamespace(noise=[noise], length=1.0, data=data, open_ground=False, compressions=ground)
         assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + wander_mm**2 + MODEL_FLOOR_MM**2)])
         tracking_mm = np.hypot(0.005, MODEL_FLOOR_MM)
-        farthest = np.hypot(MISSED * tracking_mm, OF_WANDER * wander_mm)
+        farthest = np.hypot(2.5 * tracking_mm, 4.0 * wander_mm)
         assert farthest_followed(problem, [0]) == pytest.approx([farthest])
 
 
