@@ -1,4 +1,4 @@
-"""What rests on one run alone is said of that run: it is set aside, or the runs do not decide."""
+"""A finding that depends on a single run: the run is excluded as outlying, or the runs do not decide."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
 
 
-def test_a_run_that_no_fit_follows_is_set_aside_though_the_others_show_the_effect_too(
+def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)

@@ -59,7 +59,7 @@ def test_a_run_whose_marks_are_never_seen_together_has_its_reason(tmp_path: Path
 
 
 @pytest.fixture(scope="module")
-def set_aside(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, str]:
+def with_excluded_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, str]:
     """Of five runs, whoever wrote the files exchanged the sides of r2 and of the log of r4, and its page."""
     robot, times = load_robot("barrel"), [frame / 60 for frame in range(300)]
     noise = np.random.default_rng(3)
@@ -73,7 +73,7 @@ def set_aside(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, str]:
     runs = [(f"r{k}", left, right, marks(Command.constant(left, right))) for k, (left, right) in enumerate(commands)]
     runs[2] = ("r2", 22.0, 33.0, runs[2][3])
     runs.append(("r4", 33.0, 5.0, marks(Command.steps([(0.0, 33.0, 5.0), (2.5, 33.0, 8.0)]))))
-    folder = tmp_path_factory.mktemp("set_aside")
+    folder = tmp_path_factory.mktemp("excluded")
     path = write_experiment(folder, runs)
     swapped = "time_s,left_rpm,right_rpm\n0.0,5.0,33.0\n2.5,8.0,33.0\n"
     (folder / "r4_commands.csv").write_text(swapped, encoding="utf-8")
@@ -84,9 +84,9 @@ def set_aside(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, str]:
 
 
 def test_runs_that_are_not_what_the_file_says_are_named_first_and_in_no_comparison(
-    set_aside: tuple[Analysis, str],
+    with_excluded_run: tuple[Analysis, str],
 ) -> None:
-    found, page = set_aside
+    found, page = with_excluded_run
     assert [(item.runs, item.kind) for item in found.mistakes] == [((run,), "sides-swapped") for run in ("r2", "r4")]
     assert found.excluded_runs == {"r2", "r4"}
     assert set(found.turning["run"]) == {"r0", "r1", "r2", "r3", "r4"}
@@ -98,10 +98,10 @@ def test_runs_that_are_not_what_the_file_says_are_named_first_and_in_no_comparis
     assert summary[3].endswith("Left out of all results below until this is corrected: r2, r4.")
 
 
-def test_phases_of_a_run_that_is_set_aside_are_in_no_result_and_count_as_one_run(
-    set_aside: tuple[Analysis, str],
+def test_phases_of_an_excluded_run_are_in_no_result_and_count_as_one_run(
+    with_excluded_run: tuple[Analysis, str],
 ) -> None:
-    found, page = set_aside
+    found, page = with_excluded_run
     assert len(found.turning) == 6
     summary = re.search(r'<ul class="summary">(.*?)</ul>', page, re.DOTALL)
     assert summary is not None

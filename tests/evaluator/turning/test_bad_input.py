@@ -49,7 +49,7 @@ def test_half_the_frames_missing_in_long_gaps_leaves_the_radius_right() -> None:
     assert turning.turned_deg == pytest.approx(720, abs=80)
 
 
-def test_exchanged_marks_are_set_aside() -> None:
+def test_exchanged_marks_are_rejected() -> None:
     marks = circle()
     marks.loc[100:107, MARKS] = marks.loc[100:107, [*MARKS[2:], *MARKS[:2]]].to_numpy()
     turning = measured_marks(marks)

@@ -65,7 +65,7 @@ def test_rest_before_and_after_is_left_out() -> None:
     assert turning.radius_low_mm < 5.0 < turning.radius_high_mm
 
 
-def test_wild_frames_are_set_aside_and_counted() -> None:
+def test_wild_frames_are_rejected_and_counted() -> None:
     poses = posed(arc_poses(5.0, 360, 300), 0.01, 4)
     x = np.array(poses.x_mm)
     x[140:150] += 0.4

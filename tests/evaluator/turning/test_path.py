@@ -88,7 +88,7 @@ def test_a_mark_that_turns_back_on_its_line_is_said_to(back: float, said: str) -
     assert path.speed == pytest.approx(50.0 / (200 * FRAME_S), rel=0.02)
 
 
-def test_places_that_jump_are_set_aside() -> None:
+def test_places_that_jump_are_rejected() -> None:
     time, places = on_circle(5.0, 300, 300, 0.01)
     places[100:104] += 1.0
     assert measure_path(time, places).radius == pytest.approx(5.0, rel=1e-3)

@@ -69,7 +69,7 @@ def test_frames_between_shares_of_a_turn_hold_both_ends_and_eight_at_least() -> 
     assert len(_between(heading, inside, [(0.0, 0.176)])) == 1  # eight
 
 
-def test_frames_that_fits_set_aside_are_left_out() -> None:
+def test_frames_rejected_by_fits_are_left_out() -> None:
     region = np.array([False, True, True, False, True])
     used = np.array([True, False, True])
     assert _only(region, used).tolist() == [False, True, False, False, True]
@@ -192,7 +192,7 @@ def test_quarter_turns_weigh_by_their_inverse_variance_whatever_their_sense() ->
 
 
 def test_frames_that_jump_in_a_piece_are_no_part_of_the_tightest_window() -> None:
-    """Thirty frames that the pieces set aside would bend a quarter turn by per cents."""
+    """Thirty frames that the pieces reject would bend a quarter turn by per cents."""
     tight, wide = np.full(round(np.pi / 0.25 / 0.04), 0.25), np.full(round(np.pi / 0.2 / 0.04), 0.2)
     pose = winding_poses(np.concatenate([wide, tight, wide, wide[:4]]), 0.04)
     pose = pose + np.random.default_rng(0).normal(size=pose.shape) * [1e-3, 1e-3, 5e-4]
@@ -205,7 +205,7 @@ def test_frames_that_jump_in_a_piece_are_no_part_of_the_tightest_window() -> Non
 
 
 @pytest.mark.parametrize(("aside", "looked_at"), [(0.05, False), (0.15, True)])
-def test_frames_set_aside_by_the_fit_to_the_whole_are_in_no_piece_unless_they_are_a_tenth_of_all(
+def test_frames_rejected_by_the_fit_to_the_whole_are_in_no_piece_unless_they_are_a_tenth_of_all(
     monkeypatch: pytest.MonkeyPatch, aside: float, looked_at: bool
 ) -> None:
     pose = winding_poses(np.full(400, 0.2), 0.04)

@@ -118,7 +118,7 @@ def test_covariance_of_the_centre_is_that_of_the_steps_through_its_derivative() 
 
 
 @pytest.mark.parametrize(("frames", "aside"), [(1, 1), (12, 12), (20, 0)])
-def test_a_jump_is_set_aside_where_it_is_shorter_than_half_the_neighbours(frames: int, aside: int) -> None:
+def test_a_jump_is_rejected_where_it_is_shorter_than_half_the_neighbours(frames: int, aside: int) -> None:
     standard = 0.1 * np.random.default_rng(2).normal(size=(400, 2))
     standard[200 : 200 + frames] += 10.0
     left_out = np.flatnonzero(~_not_jumping(standard))
@@ -130,7 +130,7 @@ def test_a_jump_is_set_aside_where_it_is_shorter_than_half_the_neighbours(frames
 
 
 @pytest.mark.parametrize(("times", "aside"), [(0.95, False), (1.05, True)])
-def test_a_frame_is_set_aside_where_a_gaussian_one_lies_once_in_a_million(times: float, aside: bool) -> None:
+def test_a_frame_is_rejected_where_a_gaussian_one_lies_once_in_a_million(times: float, aside: bool) -> None:
     """exp(-m²/2) is a millionth at m² = 27.6, in units in which the median is 1.386."""
     ways = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])  # whose median is zero
     standard = np.sqrt(1.386) * np.tile(ways, (100, 1))

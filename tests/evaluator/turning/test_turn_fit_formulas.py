@@ -109,7 +109,7 @@ def test_path_parameter_grows_with_the_speed_of_the_scaled_pose_and_follows_the_
     assert np.abs(rate.gradient).max() > 0.1
 
 
-def test_frames_that_jump_are_set_aside_and_a_slow_bend_is_not() -> None:
+def test_frames_that_jump_are_rejected_and_a_slow_bend_is_not() -> None:
     rng = np.random.default_rng(6)
     heading = np.linspace(0, 2.0, 200)
     pose = np.column_stack([3 * np.sin(heading), -3 * np.cos(heading), heading]) + 1e-3 * rng.normal(size=(200, 3))
