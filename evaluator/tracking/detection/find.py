@@ -24,7 +24,7 @@ SAME = 1.25  # blobs of two levels are one if their radii differ by a smaller fa
 # their usual ranges, and their log odds. A plate may be coloured, and a camera may render yellow as orange.
 UNUSUAL = ((0.0, 0.0, 2.0), (1.0, 15.0, 4.0), (0.0, 15.0, 6.0))
 GOOD = -4.0  # log-likelihood of a pair (98 % of true pairs) from which no alternative is tried
-# Least chroma of a blob over the level that delimits it; below are noise peaks of a blob of the level below.
+# Least ratio of a blob's chroma to the level that delimits it; smaller ones are noise peaks of a blob of a lower level.
 SUMMIT = 1.15
 STRIPE = 6.0  # aspect ratio above that of a sticker, or of a disc with a motion blur of twice its diameter
 SMALLEST_RATIO, LARGEST_RATIO = 0.6, 1.7  # of a blob's diameter at its threshold over diameter_px
@@ -58,14 +58,14 @@ def find_marks(frame: Frame, settings: TrackingSettings, names: list[str]) -> Re
         return Reading(chosen, blobs, balance), score - UNSEEN * (len(names) - len(chosen))
 
     best, most = read(1.0)
-    # Who says a colour has read it off the image as it is: hues mean what they do without white balance, then.
+    # A user who states a colour has read it off the image: hues are then compared without white balance.
     if balanced.motley or all(settings.mark[name].said for name in names):
         best, most = max((best, most), read(0.0), key=lambda one: one[1])
     if len(names) == 1 or most > GOOD:
         return best
     for balance, wider_deg, odds in UNUSUAL:
         reading, score = read(balance, wider_deg)
-        # Less than a good pair is no reason to read the colours in another way.
+        # A gain to less than a good pair does not justify another reading of the colours.
         if score > GOOD and score - odds > most:
             best, most = reading, score - odds
     return best
@@ -80,9 +80,9 @@ def candidates(frame: Frame, settings: TrackingSettings, names: list[str]) -> li
 def _candidates(
     frame: Frame, colors: ColorMap, settings: TrackingSettings, names: list[str], wider_deg: float = 0.0
 ) -> list[Candidate]:
-    """All blobs that could be one of the named marks, the most colourful of each first, as many as are worth a look.
+    """Blobs that could be one of the named marks, the most colourful of each first, as many as are worth examining.
 
-    wider_deg: for how much hues count beyond their ranges, away from those of other marks.
+    wider_deg: number of degrees by which hues outside their ranges count, on sides away from those of other marks.
     """
     found = []
     for name in names:
@@ -97,8 +97,8 @@ def _candidates(
         cells = colors.colorful[within & allowed.ravel()[colors.colorful]]
         chroma = colors.chroma.ravel()[cells]
         blobs: list[Candidate] = []
-        # A mark may lie on something of its own hue (a circuit board, a reflection of itself): at each level of chroma
-        # other blobs stand apart.
+        # A mark may lie on something of its own hue (a circuit board, its own reflection): blobs are separated at
+        # several levels of chroma.
         for level in colors.floor * 2.0 ** np.arange(LEVELS):
             cells, chroma = cells[chroma > level], chroma[chroma > level]
             if not len(cells):
@@ -111,7 +111,7 @@ def _candidates(
 
 
 def _widened(low: float, high: float, by: float, ranges: list[tuple[float, float]]) -> tuple[float, float]:
-    """A range of hues widened on the sides where no other begins."""
+    """A range of hues, widened on the sides on which no other range begins."""
     return (low - by * all(low != other for _, other in ranges), high + by * all(high != other for other, _ in ranges))
 
 
@@ -132,7 +132,7 @@ def _fits(blob: Candidate, mark: MarkSettings) -> bool:
 
 
 def blobs_of(name: str, colors: ColorMap, cells: NDArray[np.intp]) -> list[Candidate]:
-    """Blobs that some cells, counted along the rows, make up."""
+    """Blobs that consist of some cells, which are counted along the rows."""
     y, x = np.divmod(cells, colors.chroma.shape[1])
     first_x, first_y = int(x.min()), int(y.min())
     window = np.zeros((int(y.max()) - first_y + 1, int(x.max()) - first_x + 1), np.uint8)

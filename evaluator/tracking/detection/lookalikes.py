@@ -15,12 +15,12 @@ from evaluator.tracking.settings import TrackingSettings
 Point = tuple[float, float]
 Pair = dict[str, Candidate]
 
-# A pair has moved where a blob of it is farther from where it was first than this, in radii; as one body, where its
-# distance changed by less than this share of the way: two things that move on their own seldom keep it.
+# A pair has moved if one of its blobs is farther than this from its first position, in radii; it has moved as one body
+# if its distance changed by less than this share of the motion: two independent objects seldom keep their distance.
 MOVED, RIGID = 1.5, 0.1
 STEP = 2.0  # radii: largest motion between frames with which a blob is recognised
-# Of the strongest chroma: fainter is noise. px by which what rests seems to move. Ratio of sizes and of chroma of one
-# thing in two frames.
+# Share of the strongest chroma below which colour is noise; apparent motion of objects at rest, px; ratios of the sizes
+# and of the chroma of one object in two frames.
 FAINT, RESTING_PX, ALIKE_WITHIN = 0.4, 1.5, 1.4
 APART_PX = 3.0  # change of a pair's distance, beyond the jitter of blobs, from which they are not on one body
 
@@ -67,7 +67,7 @@ class Rivals:
     def decide(self, found: list[Candidate], settings: TrackingSettings, chosen: Pair) -> Pair:
         """The pair that is the robot's marks; empty while several pairs are possible.
 
-        found: all blobs of the frame. chosen: its likeliest pair.
+        found: all blobs of the frame. chosen: its most probable pair.
         """
         pairs = alike([one for one in found if one.mark in chosen], settings)
         if not self._rivals and len(pairs) < 2:
@@ -104,7 +104,7 @@ def mover(before: list[Candidate], after: list[Candidate]) -> tuple[Candidate | 
     ]
     come = [one for one in after if not any(_resting(one, other) for other in before)]
     found = [one for one in gone if any(_alike(one, other) for other in come)]
-    # One object gives a blob at every level of chroma.
+    # One object gives a blob at several levels of chroma.
     found.sort(key=lambda one: -one.radius_px)
     alone = all(_apart(one, found[0]) < found[0].radius_px for one in found)
     resting = [one for one in before if any(_resting(one, other) for other in after)]

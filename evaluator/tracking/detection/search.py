@@ -16,7 +16,7 @@ from evaluator.tracking.settings import TrackingSettings
 Array = NDArray[np.float64]
 
 
-# Longer side over shorter one of a bounding box: discs, whose threshold grows them by their blur; oblong stickers.
+# Largest aspect ratio of a bounding box: for discs, which blur enlarges at the threshold; for oblong stickers.
 ROUND, OBLONG = 3.0, 8.0
 WEAKER = 0.5  # of the usual minimum chroma: a blurred mark is paler at its rim
 

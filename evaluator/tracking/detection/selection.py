@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
-# Spread of the logarithm of a pair's distance in diameters: of one robot, as coloured blobs show it; of all robots.
+# Spread of the logarithm of a pair's distance in diameters: for one robot, measured from coloured blobs; for all
+# robots.
 SAID, OTHER = 0.05, 0.2
 USUAL, ANY_ROBOT = 3.0, 1.0  # default distance in diameters, and the spread of its logarithm
 CUT = -4.0  # log odds of a mark that is cut by the border of the image, as floors and walls often are
 OBLONG = -2.0  # log odds of a mark that is a sticker of any shape instead of a disc
-# Log-likelihood difference of two pairs of equal geometry, from 2 % uncertainty of blobs (0.1) and light that is uneven
-# by 10 % (0.4).
+# Difference of log-likelihoods of two pairs with equal geometry, by 2 % uncertainty of blobs (0.1) and light that
+# varies by 10 % (0.4).
 ALIKE = 0.7
 
 
@@ -75,7 +76,7 @@ def alike(found: list[Candidate], settings: TrackingSettings) -> list[dict[str, 
         one, other = ones[i], others[j]
         if all(one is not pair[first] and other is not pair[second] for pair in chosen) and not any(
             _same_place(one, pair[second]) and _same_place(other, pair[first]) for pair in chosen
-        ):  # marks of one colour the other way round are no other pair
+        ):  # exchanged marks of one colour are the same pair
             chosen.append({first: one, second: other})
     return chosen
 
@@ -123,7 +124,7 @@ def _pair_scores(ones: list[Candidate], others: list[Candidate], settings: Track
     diameters = np.maximum(distance / (radius[0][:, None] + radius[1]), 1e-3)
     if settings.pair_distance is not None:
         score += _log_odds(np.log(diameters / settings.pair_distance))
-    elif settings.distance_diameters is not None:  # nothing said: on one robot they are some diameters apart
+    elif settings.distance_diameters is not None:  # by default, the marks of a robot are some diameters apart
         score -= 0.5 * (np.log(diameters / USUAL) / ANY_ROBOT) ** 2
     return np.asarray(score, float)
 

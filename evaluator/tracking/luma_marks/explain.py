@@ -16,12 +16,12 @@ from evaluator.tracking.settings import MarkSettings, TrackingSettings
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-MOST = 8  # things listed a mark
+MOST = 8  # candidates listed per mark
 WINDOW, DARKER = (
     13,
     7,
 )  # px and levels of the mask of a tag: the middle one of the thresholds that OpenCV's reader tries
-SAME_PLACE = 0.5  # of half a diagonal: outlines nearer than this to each other are one
+SAME_PLACE = 0.5  # half diagonals: outlines closer than this are one
 
 
 @dataclass(frozen=True)

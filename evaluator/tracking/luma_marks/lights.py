@@ -24,13 +24,13 @@ HALF = 0.4  # level of a light's core between the background (0) and the brighte
 WEAKEST = 0.35  # of the light of the weakest light: blobs with less are rejected
 NOISES = 8.0  # standard deviations of the background: least height of a light
 LEAST_AREA, LARGEST_SHARE, STRIPE = 3, 0.02, 4.0  # px; share of the frame; length over width
-WINDOW = 2.5  # radii of the core that its halo is weighed in
-MOVED, STEP = 1.5, 3.0  # radii: moved on from where it was first; from frame to frame, beside its usual step
-SATURATED_PX = 0.03  # a clipped core hides the middle of a light; floor of its uncertainty, per axis
-MOST = 24  # blobs followed at first
-# Of a light's height over the background, below which it has no weight: as spot sensors threshold their centroids.
+WINDOW = 2.5  # radii of the core: size of the window in which a light with its halo is measured
+MOVED, STEP = 1.5, 3.0  # radii: distance that shows motion; step between frames beyond the usual one
+SATURATED_PX = 0.03  # least uncertainty per axis of a light with a clipped core
+MOST = 24  # blobs that are followed until the lights are known
+# Share of a light's height over the background below which a pixel has no weight, as in thresholded centroids of spots.
 WINGS = 0.15
-RING, FEW = 0.8, 8  # share of the window beyond which lie the surroundings; least number of their pixels
+RING, FEW = 0.8, 8  # share of the window beyond which pixels show the surroundings; least number of such pixels
 
 
 @dataclass
@@ -41,7 +41,7 @@ class _Blob:
     radius: float
     light: float
     variance: tuple[float, float]
-    cut: bool  # by the border of the frame
+    cut: bool  # whether the border of the frame cuts it
     first: tuple[float, float] = (0.0, 0.0)
     velocity: tuple[float, float] = (0.0, 0.0)
     missed: int = 0
@@ -204,11 +204,12 @@ def _weighed(
         rows.start : rows.start + part.shape[0], columns.start : columns.start + part.shape[1]
     ]
     mine = ((owner == 0) | (owner == label)) & (np.hypot(around_x - x, around_y - y) <= reach)
-    # The wings of a halo tell little of its centre, and less of them shows on a darker surrounding: they are cut off.
+    # The wings of a halo determine its centre poorly, and less of them is visible on a dark background: they are cut
+    # off.
     wings = base + max(2 * noise, WINGS * (float(part[owner == label].max()) - base))
     weight = np.where(mine, np.maximum(part - wings, 0.0), 0.0)
     ring = mine & (owner == 0) & (np.hypot(around_x - x, around_y - y) > RING * reach)
-    if ring.sum() >= FEW:  # what of the surroundings comes through, not what the frame as a whole varies by
+    if ring.sum() >= FEW:  # the background beside the light, not that of the whole frame
         noise = max(float(np.std(weight[ring])), 1.0)
     total = float(weight.sum())
     cx, cy = float((weight * around_x).sum() / total), float((weight * around_y).sum() / total)

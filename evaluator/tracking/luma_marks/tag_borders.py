@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 REACH_SHARE, LEAST_REACH_PX, MOST_REACH_PX = 0.1, 1.6, 4.0  # of the side: less than a cell of border or of margin
-KEPT = 0.15  # of a side beside each corner: its blur holds the other side too
-# Standard deviation over reach of the window about an edge: cells inside the border, and the floor beyond the margin,
-# lie a reach away or more. What is left of them moves an edge by 0.01 px on tags of 4 px a cell.
+KEPT = 0.15  # share of a side that is left out at each corner, where the other side is blurred into it
+# Standard deviation over reach of the window about an edge. Cells inside the border, and the floor beyond the margin,
+# are at least a reach away; their remaining weight moves an edge by 0.01 px on tags of 4 px a cell.
 WINDOW, STEPS = 0.3, 5
 STEP = 0.25  # px between samples of a profile
-FEWEST = 5  # points of a line
-# Points a pixel apart share what the interpolation and the codec did to them: variances count so many times, at least
-# and at most; between, as the correlation of neighbours says.
+FEWEST = 5  # points for a line
+# Points one pixel apart have correlated errors from interpolation and codec: least and largest factor of the variance;
+# between these it follows from the correlation of neighbours.
 ALIKE, MOST_ALIKE = 2.0, 9.0
-FLOOR_PX = 0.01  # of a point of an edge, per axis: interpolation between pixels
-CLIPPED = 3.0  # robust sigmas from the line beyond which a point is of something else
-MOST_SCATTER_PX = 0.6  # of the points of a line: more is no straight border
+FLOOR_PX = 0.01  # least uncertainty of a point of an edge, per axis, by interpolation between pixels
+CLIPPED = 3.0  # robust sigmas from the line beyond which a point is an outlier
+MOST_SCATTER_PX = 0.6  # largest scatter of points about a straight border
 
 
 def measured_tag(luma: Image, corners: Array) -> tuple[Array, Array] | None:
@@ -33,7 +33,7 @@ def measured_tag(luma: Image, corners: Array) -> tuple[Array, Array] | None:
 
     corners: (4, 2) as OpenCV finds them, to about a pixel, clockwise.
     """
-    for _ in range(2):  # the second time from better lines
+    for _ in range(2):  # the second time from more accurate lines
         lines = [_line(luma, corners[k], corners[(k + 1) % 4]) for k in range(4)]
         if any(line is None for line in lines):
             return None
@@ -61,7 +61,7 @@ def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] |
     if count < FEWEST:
         return None
     along = (end - start) / length
-    outward = np.array([along[1], -along[0]])  # corners run clockwise as seen, y down
+    outward = np.array([along[1], -along[0]])  # corners are clockwise in the image, y down
     reach = min(max(REACH_SHARE * length, LEAST_REACH_PX), MOST_REACH_PX)
     at = np.linspace(-0.5 + KEPT, 0.5 - KEPT, count) * length
     depth = np.arange(-reach, reach + STEP / 2, STEP)
@@ -70,7 +70,7 @@ def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] |
     profile = cv2.remap(
         luma, places[..., 0].astype(np.float32), places[..., 1].astype(np.float32), cv2.INTER_LINEAR
     ).astype(float)
-    steep = np.maximum(np.diff(profile, axis=1), 0.0)  # from black to white on the way out
+    steep = np.maximum(np.diff(profile, axis=1), 0.0)  # from black to white, outward
     total = steep.sum(axis=1)
     between = (depth[1:] + depth[:-1]) / 2
     usable = total > 0.5 * float(np.median(total)) + 1e-9
@@ -106,7 +106,7 @@ def _centered(rising: Array, depth: Array, start: Array, reach: float) -> Array:
     for _ in range(STEPS):
         window = np.exp(-0.5 * ((depth - offset[:, None]) / (WINDOW * reach)) ** 2) * rising
         total = np.maximum(window.sum(axis=1), 1e-3 * np.abs(window).sum(axis=1) + 1e-9)
-        # The window holds the mean back by about half, where it is as wide as the edge.
+        # A window as wide as the edge reduces the change of the mean by about half.
         offset = np.clip(offset + 2.0 * (window @ depth / total - offset), -reach, reach)
     return offset
 

@@ -20,17 +20,17 @@ Image = NDArray[np.uint8]
 NOT_SEEN, NO_SHAPE = ABSENT["not seen"], ABSENT["disturbed"]
 CORNERS = 4
 AROUND = 1.5  # sides of a tag: range around its last position that is searched before the whole frame
-# Families that are tried, most used first, until one of them shows a tag that is sought. A dictionary is the first so
-# many tags of its family: the smallest that holds the number is read most safely.
+# Families in the order in which they are tried, most used first, until one shows a tag that is sought. A dictionary
+# contains the first tags of its family: the smallest one with the number is read most reliably.
 FAMILIES = {
     "aruco": ("4X4", "5X5", "6X6", "7X7", "ARUCO_ORIGINAL", "ARUCO_MIP_36H12"),
     "apriltag": ("APRILTAG_36H11", "APRILTAG_25H9", "APRILTAG_16H5", "APRILTAG_36H10"),
 }
 SIZES = (50, 100, 250, 1000)
-# px of a side: the smallest tag has six cells across, and a cell of less than two samples is not there in the image.
-# A tag that is followed keeps more than half of its side from one frame to the next.
+# px: least side. The smallest tag has six cells across, and a cell needs two samples. The side of a followed tag stays
+# above half of its length from one frame to the next.
 LEAST_SIDE_PX, SHRUNK = 12.0, 0.5
-SLANTING = 2.0**0.5  # OpenCV counts the pixels of an outline: a slanting side has fewer than it is long
+SLANTING = 2.0**0.5  # largest ratio of the length of a side to its number of outline pixels, which OpenCV counts
 
 
 def tag_names(name: str) -> list[str]:
@@ -72,7 +72,7 @@ class TagFinder:
         low = np.maximum(np.floor(last.min(axis=0) - AROUND * side), 0).astype(int)
         high = np.ceil(last.max(axis=0) + AROUND * side).astype(int) + 1
         part = luma[low[1] : high[1], low[0] : high[0]]
-        least = max(SHRUNK * side / SLANTING, LEAST_SIDE_PX)  # side: of the diagonal
+        least = max(SHRUNK * side / SLANTING, LEAST_SIDE_PX)  # side: length of the diagonal
         numbers = _detected(self._ways[name][0], part, least) if min(part.shape) > 8 else {}
         corners = numbers.get(self._numbers[name])
         return None if corners is None else corners + low
@@ -166,7 +166,7 @@ def outlines(
 def _outlines(
     detector: cv2.aruco.ArucoDetector, luma: Image, least_side_px: float
 ) -> tuple[list[tuple[int, Array]], list[Array]]:
-    # Every outline is read as a tag: without a limit in px, the grain of a floor costs more than all the rest.
+    # Every outline is read as a tag: without a limit in px, the grain of a floor would cost more than everything else.
     parameters = detector.getDetectorParameters()
     parameters.minMarkerPerimeterRate = 4 * least_side_px / SLANTING / max(luma.shape)
     detector.setDetectorParameters(parameters)
