@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 ROUNDS = 3  # of reweighting, after which sigmas have converged to 3 %
 FEW = 8  # moving frames that suffice to detect an error in a short motion
 MOVING_PX = 0.1  # step below which codecs treat a mark as resting
-# Errors of codecs have long tails, those of Student's t with about as many degrees of freedom: 0.5 to 1.5 % of frames
-# lie beyond 4 sigma on H.264, HEVC and VP9 alike.
+# Errors of codecs have long tails like Student's t with about as many degrees of freedom: with H.264, HEVC and VP9 0.5
+# to 1.5 % of frames lie beyond 4 sigma.
 FREEDOM = 4.0
-TAIL = 3.0  # sigmas of deviation above which the error of a frame is treated as one from the tail
+TAIL = 3.0  # sigmas of deviation beyond which the error of a frame counts as one of the tail
 
 
 def hidden_variance(
@@ -37,14 +37,14 @@ def hidden_variance(
     farther away reveal it. variances: mean of the axes (n,), NaN where absent. kinds: of `codec_variance`. abrupt: of
     `changes_of_motion`, if it is known from other marks of the body. apart_px: distance from one of these (n,).
     """
-    # Frames with an occlusion have their own uncertainty, and do not show that of the codec.
+    # Frames with an occlusion have their own uncertainty, and do not show the codec's errors.
     calm = variances < 3.0 * np.nanmedian(variances) if np.isfinite(variances).any() else np.zeros(len(variances), bool)
     centers_px, quiet = np.where(calm[:, None], centers_px, np.nan), np.where(calm, variances, np.nan)
     course = Course(time_s, centers_px)
     moving, stated = _moving(centers_px), course.variance(quiet)
     telling = course.known & ~(changes_of_motion([course]) if abrupt is None else abrupt)
     extra = codec_variance(course, telling & moving, stated, kinds)
-    # At rest a codec keeps one invisible error for long, smaller than in motion by at most a third.
+    # At rest a codec keeps one invisible error for a long time; it is at most a third smaller than in motion.
     rest = codec_variance(course, telling & ~moving, stated, kinds)
     extra = np.where(moving, extra, np.maximum(rest, extra / 3))
     known = float(extra.mean()) + (float(np.nanmean(quiet)) if np.isfinite(quiet).any() else 0.0)
@@ -89,18 +89,18 @@ def codec_variance(course: Course, chosen: NDArray[np.bool_], known: Array, kind
         kind, usable = np.zeros_like(kind), np.array([0])
     mine = kind[rows] == usable[:, None]
     alike = kind[course.around[:, rows]] == usable[:, None, None]
-    shares = (course.squares[:, rows] * alike).sum(axis=1)  # of the neighbours' variances in that of an error
+    shares = (course.squares[:, rows] * alike).sum(axis=1)  # shares of the neighbours' variances in that of an error
     known, square = known[rows], np.zeros(len(rows))
     for one in mine:
         square[one] = clipped_squares(course.error[rows[one]])
-    # A frame of large known variance (a smear, something in the way) tells little of what is added, and if its
-    # variance is stated too large it hides the rest: squares scatter by their variance, and weigh by that.
+    # A frame with a large known variance (a smear, an occlusion) says little about the added variance, and an
+    # overstated variance would hide the others: squares are weighted by the inverse of their own variance.
     total = known + square.mean() + EXACT_PX2
     for _ in range(ROUNDS):
         weights = mine / total**2
         solution = _shared_out(weights, shares + mine, square - known)
         total = known + solution @ (shares + mine) + EXACT_PX2
-    # Kinds too rare to tell (the few I frames) get the mean of the others: never less than is known of them.
+    # Rare kinds of frames (I frames) get the mean of the others, but never less than their own estimate.
     of_kind = np.full(kind.max() + 1, solution.mean())
     of_kind[usable] = solution
     return np.asarray(of_kind[kind])
@@ -114,7 +114,8 @@ def _shared_out(weights: Array, shares: Array, excess: Array) -> Array:
     """
     weights = weights / weights.sum(axis=1, keepdims=True)
     matrix, right = weights @ shares.T, weights @ excess
-    # What all kinds have in common is well known, what tells them apart is not: no kind gets less than a third of it.
+    # The common part of all kinds is well determined, differences between them are not: each gets at least a third of
+    # it.
     share = np.count_nonzero(weights, axis=1) / weights.shape[1]
     least = np.full(len(right), max(float(share @ right / (share @ matrix.sum(axis=1))), 0.0) / 3)
     return np.asarray(least + _non_negative(matrix, right - matrix @ least))

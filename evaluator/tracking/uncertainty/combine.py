@@ -25,8 +25,8 @@ from evaluator.tracking.uncertainty.tag_shape import widen_by_shape
 
 Array = NDArray[np.float64]
 
-# A wire or a glare comes on within some frames: those beside a disturbed frame, as many as a slope is not looked
-# for in, may be wrong by half as much, before their own residuals show it.
+# An occlusion or a glare grows over some frames. Frames beside a disturbed one, as many as a slope is not looked for
+# in, may have half of its error before their own residuals show it.
 ONSET, BESIDE = 0.25, 3
 UNKNOWN_PX = 3.0  # assumed radius of marks that are not coloured blobs
 

@@ -10,7 +10,8 @@ Array = NDArray[np.float64]
 OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
 REACH = 5
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
-# leaves 1e-3 px. Two more neighbours than it has unknowns, two of them on either side, tell a frame's error.
+# leaves 1e-3 px. A frame's error needs two more neighbours than the quartic has unknowns, with two of them on either
+# side.
 ORDER, NEIGHBORS, EITHER_SIDE = 5, 7, 2
 EVEN = 1e-3  # of the span: tolerance within which neighbours count as evenly timed and share one set of weights
 BEYOND = 4.0  # times the usual range: a neighbour farther away, beyond a gap in time, is not used
@@ -76,8 +77,8 @@ def to_the_middle(lapse_s: Array, usable: NDArray[np.bool_]) -> Array:
     """Weights with which neighbours give the value of their polynomial at lapse 0; all (m, 10)."""
     farthest = np.where(usable, np.abs(lapse_s), 0.0).max(axis=-1, initial=1e-9, keepdims=True)
     powers = (np.where(usable, lapse_s, 0.0) / farthest)[..., None] ** np.arange(ORDER) * usable[..., None]
-    # The value at lapse 0 is the first coefficient. Oddly timed neighbours may not tell all coefficients: the
-    # pseudoinverse then takes the smallest.
+    # The value at lapse 0 is the first coefficient. If unevenly timed neighbours do not determine all coefficients, the
+    # pseudoinverse takes the smallest ones.
     return np.asarray(np.linalg.pinv(powers)[..., 0, :])
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STEADY, JUMP = 24.0, 320.0
-# Sigmas from which a jump is more than the centres' own error; sum of the squares of their weights in it.
+# Sigmas of the centres' errors beyond which a jump is real; sum of the squares of the centres' weights in a jump.
 CERTAIN, WEIGHTS = 3.0, 17.5
 
 
@@ -34,12 +34,12 @@ def exposed(time_s: Array, centers_px: Array, variances: Array, shutter: tuple[f
     change = np.full((n, 2), np.nan)
     change[1:-1] = np.diff(np.diff(centers_px, axis=0) / interval[:, None], axis=0) / apart[1:-1]
     lapse = np.nan_to_num(np.fmin(np.append(interval, np.nan), np.append(np.nan, interval)))[:, None]
-    # A steady change goes on in the frames around; a jump shows in one alone, or in two of three in part.
+    # A steady change continues in the frames around; a jump appears in one frame only, or in parts in two of three.
     around = np.pad(change, ((1, 1), (0, 0)), constant_values=np.nan)
     before, after = around[:-2], around[2:]
     lower, upper = np.minimum(before, after), np.maximum(before, after)
-    steady = np.maximum(lower, np.minimum(upper, change))  # their median, NaN where one is
-    for _ in range(2):  # of three changes in a row, the first frame with one is the second from an absent one
+    steady = np.maximum(lower, np.minimum(upper, change))  # their median, NaN if one of them is NaN
+    for _ in range(2):  # at a gap: of three changes in a row, the first known one is the second after an absent frame
         around = np.pad(steady, ((1, 1), (0, 0)), constant_values=np.nan)
         steady = np.where(np.isnan(steady), np.where(np.isnan(around[:-2]), around[2:], around[:-2]), steady)
     steady = np.nan_to_num(steady)

@@ -12,8 +12,8 @@ from evaluator.tracking.uncertainty.course import EXACT_PX2, LEAST, OFFSETS, REA
 
 Array = NDArray[np.float64]
 
-# A robot starts, stops or turns back seldom in a recording; what recurs is the codec's. Sigmas that chance reaches once
-# in 3e5 frames, and those of each mark of a body, which one in eight reaches.
+# Starts, stops and reversals of a robot are rare in a recording; frequent changes are errors of the codec. Sigmas that
+# chance reaches once in 3e5 frames, and sigmas required of each mark of a body, which chance reaches in one of eight.
 CHANGES, ABRUPT, SEEN = 3, 5.0, 2.0
 
 
@@ -30,7 +30,7 @@ def changes_of_motion(courses: Sequence[Course]) -> NDArray[np.bool_]:
     together = ~wrong
     for course in courses:
         change, single = (_likeness(course.error, pattern) for pattern in _patterns())
-        # Of chance errors it follows the square of a Rayleigh distribution, whose median is ln 4 variances.
+        # For random errors it follows the square of a Rayleigh distribution, whose median is ln 4 variances.
         variance = float(np.median(change[course.known])) / np.log(4.0) + EXACT_PX2
         changes, singles = changes + change / variance, singles + single / variance
         together &= change > SEEN**2 * variance

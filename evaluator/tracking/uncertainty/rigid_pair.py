@@ -9,13 +9,13 @@ from evaluator.tracking.uncertainty.course import LEAST, robust_square
 
 Array = NDArray[np.float64]
 
-# Sigmas of a distance from which one of its ends is wrong: by chance once in 1.5e5 frames; a mark wrong by 9 of its
-# own sigmas along the line, beside one that is right, is found in 97 % of frames.
+# Sigmas of a distance beyond which one of its ends is wrong: chance reaches them once in 1.5e5 frames. An error of one
+# mark of 9 sigmas along the line is found in 97 % of frames.
 BEYOND = 4.5
-NEAR = 10  # frames that a mark's course is taken from: a cubic through them follows all but starts and stops
-CLEARLY = 2.0  # a mark this much farther off its course than its partner is the wrong one
-FEWEST = 2 * LEAST  # frames: the surface's ten unknowns leave four fifths of their freedom
-CLIPPED = 4.0  # robust sigmas beyond which a distance does not shape the surface
+NEAR = 10  # frames that determine a mark's course: a cubic through them follows all motion but starts and stops
+CLEARLY = 2.0  # ratio of the deviations from the course, beyond which the more deviating mark is the wrong one
+FEWEST = 2 * LEAST  # frames: the ten unknowns of the surface leave four fifths of the degrees of freedom
+CLIPPED = 4.0  # robust sigmas beyond which a distance has no influence on the surface
 
 
 class Distance:
@@ -60,7 +60,7 @@ class Distance:
         """Squared scatter of the distance over the expected variance; NaN for too few frames."""
         normal = self.error / np.sqrt(variance)
         normal = normal[np.isfinite(normal)]
-        # What lies far beyond the tails is a wrong end (`wrong_ends`), not the marks' usual error.
+        # Distances far beyond the tails are due to a wrong end (`wrong_ends`), not to the marks' usual errors.
         normal = normal[np.abs(normal) <= 2 * CLIPPED * 1.4826 * np.median(np.abs(normal))] if len(normal) else normal
         return robust_square(normal[:, None]) / self.freedom if len(normal) else float("nan")
 

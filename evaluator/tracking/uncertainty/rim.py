@@ -20,18 +20,19 @@ from evaluator.tracking.refinement.motion_blur import mean_over, path_of
 
 Array = NDArray[np.float64]
 
-# Harmonics that are used. The second is that of perspective too; beyond the fifth a codec keeps little of a mark of
-# 5 px radius. All that a smear may differ from its model by is even, and shifts nothing: then the fourth is left out.
+# Harmonics in use. The second is also changed by perspective; beyond the fifth a codec keeps little of a mark of 5 px
+# radius. Differences between a smear and its model are even and shift nothing: for smeared marks the fourth is left
+# out.
 FIRST, LAST, SYMMETRIC = 3, 5, 4
-SQUARES = 6.0  # harmonics of one frame, cosines and sines
-ODD = 2.8  # mean of the squares over what it usually is, from which a frame is disturbed: by chance in one of 100
-# All harmonics over the odd ones, from which it is the shape that is not round: a square or oblong mark has even ones
-# alone, which shift nothing. Of a disturbance, whose spectrum is flat, the ratio is that large in 3 of 100 (F(2, 4)).
+SQUARES = 6.0  # squares per frame: cosines and sines of the harmonics
+ODD = 2.8  # ratio of the mean square to its usual value beyond which a frame is disturbed; by chance in one of 100
+# Ratio of all harmonics to the odd ones from which the shape is not round: a square or oblong mark has even ones only,
+# which shift nothing. A disturbance has a flat spectrum; its ratio is so large in 3 of 100 cases (F(2, 4)).
 ANGULAR = 4.0
 LATELY = 20.0  # frames over which the usual values are averaged
 SURE = 3.0  # standard errors of this mean above which noise alone does not explain it
-# Mean of a variance that is known from n squares alone, n/(n - 2): where frames repeat each other, or one is
-# disturbed on its own, there are no more.
+# Factor n/(n - 2) for a variance that is estimated from n squares only: if frames repeat each other, or a single one is
+# disturbed, there are no more.
 FEW_SQUARES = SQUARES / (SQUARES - 2.0)
 
 
@@ -78,7 +79,7 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
     radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
     smear2 = smear_x * smear_x + smear_y * smear_y
     edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
-    # Comparisons stand where Python has words for them: each min, max and power takes numba as long as a loop.
+    # Comparisons instead of min, max and power, each of which takes numba as long to compile as a loop.
     inner, outer = radius - edge if radius - edge > 0.5 else 0.5, radius + edge if radius + edge < disc[4] else disc[4]
     inner2, outer2 = inner * inner, outer * outer
     reach = math.sqrt(outer2 / (1.0 - math.sqrt(e1 * e1 + e2 * e2)))

@@ -10,8 +10,8 @@ from evaluator.tracking.uncertainty.course import EITHER_SIDE, LEAST, REACH, Cou
 Array = NDArray[np.float64]
 
 STRIDES = (2, 4, 8)
-# What a course may leave of a path. On turns of 20 px radius it leaves less over the path STRAIGHT_PX; on wider ones,
-# where their radius is seen by the directions over some frames, over more.
+# Residual of a path beside its course, px. On turns of 20 px radius it is smaller over a path of STRAIGHT_PX; on wider
+# turns, with a radius known from the directions over some frames, over longer paths.
 LEAVES_PX, STRAIGHT_PX, DIRECTION = 0.01, 6.0, 5
 
 
@@ -21,14 +21,14 @@ def shared_variance(time_s: Array, centers_px: Array, near: Course, telling: NDA
     near: the course of stride 1; telling: (n,) frames without a change of motion.
     """
     straight, most = straight_frames(centers_px), known
-    abrupt = np.append(near.known & ~telling, False)  # what lies beyond the ends is no change
+    abrupt = np.append(near.known & ~telling, False)  # no change beyond the ends
     for stride in STRIDES:
         if REACH * stride > straight:
             break
         wide = Course(time_s, centers_px, stride)
         used = wide.known & ~(abrupt[wide.around] & (wide.weights != 0.0)).any(axis=0)
         square, unsure = _square(wide, used)
-        # More than by its own standard error: the largest of some estimates is too large by about that.
+        # By more than its own standard error: the largest of several estimates is too large by about that.
         if square * (1.0 - unsure) > known:
             most = max(most, square)
     return most - known

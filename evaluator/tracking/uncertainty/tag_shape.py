@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 FEWEST = 40  # frames needed to separate the scatter of a shape from the 11 terms of slant and position
 CLIPPED = 4.0  # robust sigmas above which a shape is an outlier (a wire across a border)
-# Of the squared errors of the corners, what changes the shape. Lines through the middle 70 % of the sides are off by
-# their slopes (6.1 parts of 7.1 at a corner), three of four combinations of which are shape, and by their offsets, of
-# which one combination of four is.
+# Share of the corners' squared errors that changes the shape. Errors of lines through the middle 70 % of the sides are
+# errors of their slopes (6.1 parts of 7.1 at a corner), three of whose four combinations change the shape, and of their
+# offsets, of which one of four combinations does.
 SHARE = (6.1 * 3 / 4 + 1 / 4) / 7.1
 
 
