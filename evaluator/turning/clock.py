@@ -74,9 +74,13 @@ def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Com
     # Misfits are comparable only if they are of the same frames: the search extends as far as half of the changes
     # allow, and uses these.
     most = _most(room)
-    grid = np.arange(-most, most, step)
+    reach = int(most / step)
+    grid = step * np.arange(-reach, reach + 1)
     roomy = [window for window, most_late in zip(windows, room, strict=True) if most_late >= most]
-    coarse = float(min(grid, key=lambda late: _misfit(time_s, pose, roomy, float(late))[0]))
+    best = int(np.argmin([_misfit(time_s, pose, roomy, float(late))[0] for late in grid]))
+    if best in (0, len(grid) - 1):  # the delay is larger
+        return CommandDelay()
+    coarse = float(grid[best])
     near = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
     fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
     return _refined(time_s, pose, fine, coarse, step) if fine else CommandDelay()

@@ -107,6 +107,14 @@ def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:
     assert lasting.mean() > 1.15 * half.mean()
 
 
+@pytest.mark.parametrize("late", [1.9, -1.9, 2.1, -2.1])
+def test_delays_of_two_seconds_are_found_and_larger_ones_unknown(late: float) -> None:
+    time, changes = np.arange(0, 20, FRAME_S), [6.0, 13.0]
+    pose = driven(time, [change + late for change in changes], STRAIGHT, TURN, BACK)
+    found = command_delay(time, noisy(pose, 1), changes)
+    assert found.value_s == pytest.approx(late, abs=0.01) if abs(late) < 2 else np.isnan(found.value_s)
+
+
 @pytest.mark.parametrize("frames", [11, 14])
 def test_a_change_needs_six_frames_in_half_of_its_distance_to_the_beginning(frames: int) -> None:
     time, changes = FRAME_S * np.arange(60), [(frames - 0.5) * FRAME_S]
