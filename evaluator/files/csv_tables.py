@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from evaluator.files.writing import written_whole
 
 FLOAT = "%.9g"
-ROWS = 4096  # made into text at once: the text of more takes memory and gains no time
-QUOTED = frozenset(',"\r\n')  # what makes a cell need quotes
-FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # how a cell begins that spreadsheets compute
+ROWS = 4096  # converted to text at once; more would take memory without gain in time
+QUOTED = frozenset(',"\r\n')  # characters for which a cell needs quotes
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # beginnings of cells that spreadsheets evaluate
 Column = NDArray[np.generic] | list[str]
 
 
 class Dialect(TypedDict):
-    """How the cells of a CSV file are separated, and how its numbers are written."""
+    """Separator of cells and decimal mark of a CSV file."""
 
     sep: str
     decimal: str
@@ -39,13 +39,13 @@ def csv_dialect(path: Path) -> Dialect:
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
-    """Write a table as CSV, whole or not at all: nine significant digits, NaN as an empty cell."""
+    """Write a table as CSV, completely or not at all: nine significant digits, NaN as an empty cell."""
     with written_whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.writelines(csv_text(table))
 
 
 def csv_text(table: pd.DataFrame) -> Iterator[str]:
-    """Give the text of a table in pieces: nine significant digits, NaN as an empty cell, no index."""
+    """The text of a table in pieces: nine significant digits, NaN as an empty cell, no index."""
     table = _without_formulas(table)
     names = table.columns.tolist()
     columns = [_plain(column) for _, column in table.items()]
@@ -59,7 +59,7 @@ def csv_text(table: pd.DataFrame) -> Iterator[str]:
 
 
 def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with an apostrophe before words that begin as formulas do: spreadsheets then take them for words."""
+    """The table with an apostrophe before texts that begin like formulas, so that spreadsheets do not evaluate them."""
     for name, column in table.items():
         if column.dtype == object or isinstance(column.dtype, pd.StringDtype):
             words = {word for word in column.tolist() if _begins_formula(word)}
@@ -74,7 +74,7 @@ def _begins_formula(word: object) -> bool:
 
 
 def _plain(column: pd.Series) -> Column | None:
-    """Values of a column that hold nothing to quote; None for any other."""
+    """Values of a column in which no cell needs quotes; None for other columns."""
     if column.dtype in (np.dtype(float), np.dtype(int)):
         return column.to_numpy()
     words = column.tolist()
@@ -82,7 +82,7 @@ def _plain(column: pd.Series) -> Column | None:
 
 
 def _unquoted(words: Sequence[object]) -> bool:
-    """Whether all are words that need no quotes."""
+    """Whether all are texts that need no quotes."""
     return all(isinstance(word, str) for word in words) and QUOTED.isdisjoint("".join(map(str, set(words))))
 
 

@@ -63,7 +63,7 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
 
 
 def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
-    """Keys of a place as the file has them, and the models that may stand there.
+    """Keys of a place as in the file, and the models that it may hold.
 
     A place within one of several models names which one it is, by a tag that is no key of the file: it is left out.
     """
@@ -86,7 +86,7 @@ def _has_tag(model: type[BaseModel], part: int | str) -> bool:
 
 
 def _keys_of(models: Sequence[type[BaseModel]]) -> list[str]:
-    """Valid keys of a table that one of some models describes."""
+    """Valid keys of a table with one of several models."""
     return [field.alias or name for model in models for name, field in model.model_fields.items()]
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError, UnwritableError
 
-if TYPE_CHECKING:  # it takes long to import, and writing text does not need it
+if TYPE_CHECKING:  # slow to import, and not needed to write text
     import numpy as np
     from numpy.typing import NDArray
 
@@ -23,7 +23,7 @@ IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside path and rename it to path when the block ends without an error.
+    """Yield a temporary name beside path, and rename it to path when the block ends without an error.
 
     The temporary name has the same suffix, by which encoders choose their format. A file that is already at path stays
     until the rename. Raises UnwritableError if the writing fails.
@@ -51,19 +51,19 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file completely or not at all."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file completely or not at all."""
     with written_whole(path) as temporary:
         temporary.write_bytes(content)
 
 
 def write_image(image: NDArray[np.generic], path: Path) -> None:
-    """Write an image (h, w) or (h, w, 3) RGB whole or not at all, in the format of its ending. Raises InputError."""
+    """Write an image (h, w) or (h, w, 3) RGB completely or not at all; its suffix is the format. Raises InputError."""
     import cv2
     import numpy as np
 
@@ -71,12 +71,12 @@ def write_image(image: NDArray[np.generic], path: Path) -> None:
         raise InputError(f"{path}: an image is written as {', '.join(IMAGES)}")
     stored = image[..., ::-1] if image.ndim == 3 else image  # OpenCV writes blue, green, red
     with written_whole(path) as temporary:
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(stored)):  # it does not say why
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(stored)):  # without a reason
             raise OSError(errno.EIO, os.strerror(errno.EIO), str(temporary))
 
 
 def plain(value: Any) -> Any:
-    """A value that strict JSON can hold: what is not a finite number becomes null."""
+    """A value for strict JSON: numbers that are not finite become null."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
