@@ -35,8 +35,8 @@ FEWEST_FRAMES = 12
 # A 5 Hz lidar measures seven to eleven poses in two seconds. Three poses determine one mode of each coordinate and of
 # the heading (features.compression). The start pose takes one mode of each, so that two are needed.
 FEWEST_POSES = 6
-FEWEST_RUNS = 4
-FEWEST_COMMANDS = 2
+FEWEST_RUNS = 4  # three that agree show that one does not
+FEWEST_COMMANDS = 2  # at a single command, an effect cannot be distinguished from a gain of the wheel speeds
 ONE_PLACE = 1e-6  # of the distance of the marks: rounding in the file, far below the repeatability of any sensor
 
 

@@ -22,8 +22,8 @@ from evaluator.wording import with_bounds
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
-JUMP_SIGMA = 6.0
-PIECES = 4
+JUMP_SIGMA = 6.0  # robust standard deviations: Gaussian noise exceeds them at one position of 5e8
+PIECES = 4  # quarters of a path, which show a change of curvature in one direction, and one there and back
 LEAST_BACK = 0.02  # share of the path: a smaller return is the play of wheels that stop
 
 

@@ -33,7 +33,7 @@ SMEARED_PX = 2.0  # motion in an interval from which the exposure matters
 STEADY = 2.0  # ratio of successive speeds beyond which a mark starts, stops or is pushed, instead of turning
 
 VAGUE = 0.2  # of the radius: uncertainty of a centre above which the mark hardly resembles the disc
-VIEW_EVERY = 10
+VIEW_EVERY = 10  # frames between the stored views of a mark, so that they show it at different positions
 RELEARN_AT = (60, 240)  # number of frames with the mark: one and four seconds of most recordings
 
 

@@ -26,8 +26,8 @@ OUTLIER_SQUARED = 27.6
 MEDIAN_SQUARED = 1.386  # median of chi-squared with two degrees of freedom
 # Frames are compared with their neighbours, not with the circle: slow deviations are motion, jumps are errors.
 NEIGHBOURS = 31
-FEWEST_FRAMES = 8
-COVERED = (0.025, 0.975)
+FEWEST_FRAMES = 8  # two channels each: after the four parameters, twelve values remain for the noise
+COVERED = (0.025, 0.975)  # quantiles of a 95 % interval
 HALF_TURN = np.pi / 2
 MOTION = 4  # parameters of a steady motion: start across it and twist across it
 
