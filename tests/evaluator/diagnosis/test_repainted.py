@@ -34,7 +34,7 @@ def _runs(
 
 
 @pytest.mark.parametrize(("changed", "said"), [(0.95, True), (0.98, True), (0.99, False), (1.01, False), (1.05, True)])
-def test_marks_that_were_repainted_after_four_runs_are_told_once_of_the_later_ones(
+def test_marks_that_were_repainted_after_six_runs_are_told_once_of_the_later_ones(
     *, changed: float, said: bool
 ) -> None:
     runs = _runs([3.66] * 6 + [3.66 * changed] * 4)
