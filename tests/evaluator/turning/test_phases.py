@@ -47,6 +47,14 @@ def test_times_of_rest_motion_and_stop_are_found_to_a_few_frames() -> None:
     assert phases.reason == ""
 
 
+@pytest.mark.parametrize(("share", "start_s"), [(0.25, 2.0), (0.15, np.nan)])
+def test_a_robot_moves_from_a_fifth_of_its_usual_speed_on(share: float, start_s: float) -> None:
+    """It creeps for two seconds before it drives; if that is no motion, it was not seen at rest before its start."""
+    speed = np.concatenate([np.zeros(100), np.full(100, share * 5.0), np.full(400, 5.0)])
+    time, scaled = driven(speed)
+    assert find_phases(time, noisy(scaled), SIGMA_MM).start_s == pytest.approx(start_s, abs=0.05, nan_ok=True)
+
+
 def test_recording_that_begins_and_ends_in_motion_has_no_start_and_no_stop() -> None:
     time, scaled = driven(profile(0, 300, 0))
     phases = find_phases(time, noisy(scaled), SIGMA_MM)
