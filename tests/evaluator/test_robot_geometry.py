@@ -1,14 +1,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
+from evaluator.tracking import settings
+from simulator import mark_layout
 from simulator.mark_layout import Mark
 from simulator.robot import load_robot
 from simulator.units import in_standard_units
+
+
+def test_a_tracker_finds_every_kind_of_mark_that_a_robot_may_have() -> None:
+    """Two lists, because measurement does not import the simulator."""
+    assert get_args(settings.Kind) == get_args(mark_layout.Kind)
 
 
 @pytest.mark.parametrize("name", ["barrel", "two_driven_caster", "four_driven", "six_driven"])
