@@ -13,11 +13,11 @@ from evaluator.diagnosis.mistakes.recognised import Kind
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 
-FRAMES = 80  # of a run that are compared: a path is smooth
-# Ratios of frame rates that recordings have: 24, 25, 30, 50, 60, 120, and fields for frames.
+FRAMES = 80  # per run in a comparison, which suffice for a smooth path
+# Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, and fields instead of frames.
 RATES = (0.5, 2.0, 0.25, 4.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
-# Times by which the clock of a command log may be off, s: the steps are finer than what is called a late start.
+# Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 
 
@@ -29,7 +29,7 @@ class Alternative:
     run: RunData
     words: str = ""
     own: bool = False  # whether there is specific evidence for it in this run
-    later_s: float = 0.0  # of its command log, than the file says
+    later_s: float = 0.0  # offset of its command log relative to the file
 
 
 def alternatives(
@@ -42,7 +42,7 @@ def alternatives(
     """
     exchanged = replace(run, marks_mm=run.marks_mm[:, [2, 3, 0, 1]])
     mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
-    # frames of one run as far apart as those of the others were taken at their rate: then it is another command
+    # if frames of a run are as far apart as those of the others, the rate is right: then the command is another one
     rates = RATES if interval_ratio is None else [r for r in RATES if abs(interval_ratio / r - 1) < same_interval]
     return [
         Alternative(None, run),

@@ -9,7 +9,7 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognised import Found
 
-FEWEST = 10  # frames with both marks: the digits of fewer could agree by chance where marks are rounded
+FEWEST = 10  # frames with both marks: rounded values of fewer frames could agree by chance
 
 
 def copies(data: Sequence[RunData]) -> list[Found]:

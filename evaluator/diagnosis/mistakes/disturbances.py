@@ -26,23 +26,23 @@ from evaluator.robot_geometry import reference_line
 from evaluator.turning.status import SPACING_SHARE
 from simulator.robot import Robot
 
-# Marks are placed to some hundredths of a few millimetres, 1 to 2 %: four standard deviations for one run among
-# others, as any of two dozen may be outlying, and three after correction for a keystone at its position.
+# Positions of marks err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations for one run among
+# others, because any of two dozen may be outlying, and three after correction for a keystone at its position.
 ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
 UNITS = {"m": 1e-3, "cm": 0.1, "inch": 1 / 25.4, "µm": 1e3}
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
-PX_RATIO = 3.0  # a distance so many times too large, and in no unit of length, is in pixels
+PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of length, is in pixels
 LATE_S = 0.1  # more than the error of a start that is determined by counting frames
 LATE_SPREADS = 6.0  # times the scatter of the starts in the session
-# What small motors take to follow a command. In experiments whose file leaves start_s out, a delay of all runs up to
-# this is left to the diagnosis; a longer one is a start that was forgotten.
+# Time in which small motors follow a command. If the file leaves start_s out, a delay of all runs up to this time is
+# left to the diagnosis; a longer one is a forgotten start.
 MOTORS_S = 0.3
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
-STANDS_SHARE = 0.05  # of the path that the wheels would roll without slip
+STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
-CREEPS_SHARE = 0.2  # of that speed: a robot that is faster does not stand
-BRIEF_S = 0.5  # within it a robot moves by one or two millimetres, too little for a force that varies over the plate
-SETTLED_S = 0.5  # after the start: the motors have reached their speed
+CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
+BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
+SETTLED_S = 0.5  # time after the start in which the motors reach their speed
 
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -226,9 +226,9 @@ def _disturbance(run: RunData) -> Found | None:
         return None
     usual = float(np.median(motion.along))
     turning = float(np.median(motion.yaw))
-    size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed: lever of half a mm
+    size = max(abs(usual), 0.5 * abs(turning))  # a turn on the spot has no speed: lever of half a millimetre
     speed = np.hypot(motion.along, motion.across)
-    # a run that stops early is at rest for most of its time: the speed of each quarter counts as usual, too
+    # a run that stops early is at rest for most of its time: usual speeds of its quarters are used, too
     quarters = np.array_split(motion.along, 4)
     driven = max(abs(usual), *(abs(float(np.median(quarter))) for quarter in quarters))
     held = longest(speed < HELD_SHARE * driven, motion)
@@ -244,7 +244,7 @@ def _disturbance(run: RunData) -> Found | None:
     pushed = _brief_push(run, strange, motion)
     if pushed is None:
         return None
-    # the velocity of a window on either side of a jump is odd, too
+    # the velocity of the windows beside a jump deviates, too
     at_once: tuple[Kind, ...] = ("camera-moved",) if pushed[1] - pushed[0] <= 2.1 * WINDOW_S else ()
     remedy = f"inspect the recording: was the robot pushed{', or the camera moved' * len(at_once)}?"
     return Found(run.id, "pushed", _unlike_from(pushed), remedy, at_once)
@@ -261,7 +261,7 @@ def _brief_push(run: RunData, strange: np.ndarray, motion: Motion) -> tuple[floa
     """
     span = _span(run)
     for begin, end in stretches(strange, motion):
-        stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows whose velocity is odd
+        stretch = begin - WINDOW_S / 2, end + WINDOW_S / 2  # frames of the windows with deviating velocities
         if end - begin < BRIEF_S and displacement_over(run, stretch, span) > 0:
             return stretch
     return None
@@ -271,6 +271,6 @@ def _is_stop(motion: Motion, held: tuple[float, float], driven: float) -> bool:
     """Whether the robot nearly stands still in an interval, also in yaw; driven: its usual speed, mm/s."""
     inside = (motion.time_s >= held[0]) & (motion.time_s <= held[1])
     usual = float(np.median(np.abs(motion.yaw)))
-    # a spring or a slope can slow a robot down, and it creeps on: single velocities are noisy, their median is not
+    # with a spring or on a slope a robot may creep on: single velocities are noisy, their median is not
     creeps = np.hypot(np.median(motion.along[inside]), np.median(motion.across[inside])) > CREEPS_SHARE * driven
     return bool(not creeps and np.median(np.abs(motion.yaw[inside])) < max(0.5 * usual, 0.05))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, arm_mm
 
-RESTS_S = 0.1  # the least rest between a hand and the motors: no hand lets go and switches on faster
-# Starts are known to better than the one (disturbances.LATE_S), and motors run down within the other.
+RESTS_S = 0.1  # shortest rest between hand and motors: nobody releases the robot and switches on faster
+# Starts are known more accurately than the first (disturbances.LATE_S), and motors run down within the second.
 BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
 CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: hands carry a robot farther
 

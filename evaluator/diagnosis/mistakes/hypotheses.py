@@ -29,17 +29,17 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-# The misfit of the file, over the extent of the path, from which on a mistake is looked for. The largest effects of the
-# catalogue that keep a robot usable change a path by about a tenth.
+# Misfit of the file, relative to the extent of the path, from which a mistake is looked for. The largest effects of the
+# catalogue with which a robot is usable change a path by about a tenth.
 MISFIT_SHARE = 0.15
 BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
 ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
-# Number of other runs with the same two wheel speeds, to either side and in both directions, from which a run is judged
-# by a smaller misfit: a physical effect changes all of them, so that it cannot be the cause if they fit their file.
+# Number of other runs with the same two wheel speeds, on either side and in both directions, with which a smaller
+# misfit is sufficient: a physical effect changes all of these runs, and is excluded if they fit their file.
 FEWEST_SIMILAR = 2
-# Readings that change no speed of a wheel. Another command or rate, of many, fits by chance.
+# Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
-NEAR_S = 0.15  # offsets of logs closer than this are equal: neighbours among the tried ones
+NEAR_S = 0.15  # offsets of logs that differ by less are equal: neighbours among the tried ones
 SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
 
 
@@ -81,9 +81,9 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
             found.append(item)
     at_another_rate = [item for item in found if item.kind == "wrong-rate"]
     if same and len(at_another_rate) <= len(judgements) / 2:
-        # one clock for all runs: where straight runs alone seem too fast, it is the robot that is
+        # all runs share a clock: if only straight runs seem too fast, the robot is the cause
         found = [item for item in found if item.kind != "wrong-rate"]
-    alike = _late_alike(judgements)  # a lag of the motors or of the clock, which is the diagnosis's to find
+    alike = _late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
     return _without_regimes(_beyond_the_others(found, judgements), judgements)
 
@@ -191,7 +191,7 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     ways, misfits, stated = item.ways, item.misfits_mm, float(item.misfits_mm[0])
     if not np.isfinite(stated) or item.share < least_share:
         return None
-    # at the frame intervals of all other runs, one run alone has no other rate
+    # with the frame interval of all other runs, a single run has no other frame rate
     refused = [way.kind == "wrong-rate" and not way.own and "wrong-rate" not in usual for way in ways]
     if 0 < least_share <= item.share < MISFIT_SHARE:
         refused = [way.kind not in SAME_SPEEDS for way in ways]
@@ -202,7 +202,7 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     if stated < BETTER * best:
         return None
     as_good = max(ALIKE * best, 0.02 * stated)
-    near: dict[Kind, tuple[float, Alternative]] = {}  # the best way of each kind, the commoner kind first
+    near: dict[Kind, tuple[float, Alternative]] = {}  # the best alternative of each kind, frequent kinds first
     for way, value in zip(ways[1:], misfits[1:], strict=True):
         if way.kind is not None and value <= as_good and value < near.get(way.kind, (np.inf,))[0]:
             near[way.kind] = (float(value), way)

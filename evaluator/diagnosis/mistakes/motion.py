@@ -13,22 +13,22 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 Floats = NDArray[np.float64]
 
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
-ONSET_SPAN_S = 0.4  # of motion from which the onset is extrapolated back: a chord is a path still
-ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # beyond this much of the scatter at rest, and this distance: moving
+ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated; over so short a path, a chord is as long as the arc
+ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in its scatter and in mm, that shows motion
 MOVING_FRAMES = 4
 FEWEST_AT_REST = 3
-SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # without frames: no hand is faster; beyond, anything may happen
+SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
 AROUND_GAP = 15  # frames on either side: a quarter of a second
-GAP_SIGMAS = 8.0  # of the scatter of a frame; a velocity over 15 frames is carried over a gap of a few times as many
-LEAST_LEAP_MM = 0.2  # three times what tails and slow errors of tracking made of 24 gaps; a hand moves it more
-# The most of about ten places along a run that ripples nearly is the most that it ever makes: twice that is no ripple.
+GAP_SIGMAS = 8.0  # scatter of a frame: a velocity from 15 frames is extrapolated over a gap of a few times as many
+LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a gap; hands move a robot farther
+# The largest of about ten values along a rippled run is nearly the largest that occurs: twice as much is no ripple.
 UNSTEADY_TIMES = 2.0
 AROUND_JUMP = 10  # frames on either side of a jump over which the path is nearly straight
-MOST_JUMPS = 20  # places along a run that are looked at, those first where the marks step farthest off their way
-JUMP_WITHIN = 8  # frames: those next to a jump may have been taken for outliers, up to six
-LEAST_JUMP_MM = 0.05  # sides that start 10 ms apart, at a change of command from one way to the other, leap by 0.03
-MOST_LOST = 3  # frames in a row that recorders drop unnoticed
-REST_S = 0.08  # begin of a recording in which the robot is assumed at rest, unless it moves already
+MOST_JUMPS = 20  # positions of a run that are examined, those with the largest deviations first
+JUMP_WITHIN = 8  # frames: up to six of those next to a jump may have been rejected as outliers
+LEAST_JUMP_MM = 0.05  # if one side reverses 10 ms before the other, the position changes by 0.03 mm
+MOST_LOST = 3  # consecutive frames that recorders drop without notice
+REST_S = 0.08  # beginning of a recording in which the robot is assumed at rest, unless it moves
 
 
 @dataclass(frozen=True)
@@ -101,12 +101,12 @@ def onset(run: RunData) -> Onset | None:
     if len(time) < 3 * rest:
         return None
     off = marks - np.median(marks[:rest], axis=0)
-    bends = np.diff(marks, n=2, axis=0)  # of a moving robot too: nearly all noise, √6 times that of a frame
-    # robust both: a mark mistaken in one of the first frames is no motion
+    bends = np.diff(marks, n=2, axis=0)  # nearly only noise, also of a moving robot: √6 times that of a frame
+    # both are robust: a wrong mark in one of the first frames is not motion
     scatter = 1.4826 * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
     away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
-    # some frames in a row: one or two may be noise, or marks mistaken one after the other
+    # several consecutive frames: one or two may be noise, or wrong marks in succession
     beyond = away > least
     moving = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(beyond, MOVING_FRAMES).all(axis=1))
     if not len(moving) or moving[0] < rest:
@@ -144,7 +144,7 @@ def jump(run: RunData) -> tuple[float, float] | None:
     excess = np.hypot(*((speeds - usual) * spans[:, None]).T)
     candidates = np.argsort(-excess)[:MOST_JUMPS]
     steps = np.hypot(*np.diff(middle, axis=0).T)
-    stepping = np.count_nonzero(steps) < len(steps) / 2  # poses that are held until the next move by steps alone
+    stepping = np.count_nonzero(steps) < len(steps) / 2  # poses that are repeated until the next one change in steps
     least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
     best: tuple[float, float] | None = None
     for k in candidates:
@@ -269,7 +269,7 @@ def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> 
     """Pose (3,) at a time, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, from a few frames."""
     since = time_s - at_s
     yaw, angle = _robust_line(heading, since)
-    # in the frame of the robot a steady turn is straight: the path turned back frame by frame
+    # in the robot's frame a steady turn is straight: the path is rotated back frame by frame
     fits = [_robust_line(middle[:, axis], since) for axis in (0, 1)]
     center = time_s.mean() - at_s
     rate = np.array([fit[0] for fit in fits])

@@ -15,11 +15,11 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-FEWEST_OF_GROUP = 2  # a single one is known by wrong_scale, farther off
-# By more the distance of the marks does not change where a camera is calibrated anew: its scale by 1e-3 and what a lens
-# leaves by 8 µm a mark, 3e-3 of their 3.66 mm, either time; three of these standard deviations.
+FEWEST_OF_GROUP = 2  # a single run is found by wrong_scale, at a larger deviation
+# Largest change of the distance of the marks if the camera is calibrated again: errors of its scale of 1e-3, and of the
+# lens of 8 µm per mark, which is 3e-3 of their 3.66 mm, in both calibrations; three standard deviations.
 CHANGED_SHARE = 0.0135
-APART = 2.0  # times the range of either group: what lies between them. Runs of one robot scatter as they like, evenly
+APART = 2.0  # least ratio of the gap between two groups to their ranges; runs of one robot scatter evenly
 
 
 def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-FRAMES = 40  # of a run: its path is smooth
+FRAMES = 40  # per run, which suffice for a smooth path
 FEWEST_OTHERS = 4  # runs from which the change of scale over the plate is learned
 ROUNDS = 30  # of reweighting; a median regression of some hundred points settles in a dozen
 LEAST_RESIDUAL = 1e-4  # residual below which the weight of a point no longer increases
