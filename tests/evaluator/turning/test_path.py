@@ -79,7 +79,10 @@ def test_an_arc_of_less_than_a_degree_is_straight(turned_deg: float, straight: b
     assert measure_path(*on_circle(500.0, turned_deg)).status.startswith("straight") == straight
 
 
-@pytest.mark.parametrize(("back", "said"), [(0.0, "straight:"), (0.3, "straight, out and back:")])
+@pytest.mark.parametrize(
+    ("back", "said"),
+    [(0.0, "straight:"), (0.018, "straight:"), (0.022, "straight, out and back:"), (0.3, "straight, out and back:")],
+)
 def test_a_mark_that_turns_back_on_its_line_is_said_to(back: float, said: str) -> None:
     there = np.concatenate([np.linspace(0.0, 50.0, 200), np.linspace(50.0, 50.0 * (1 - back), 60)])
     places = np.outer(there, [0.8, 0.6]) + 0.02 * np.random.default_rng(3).normal(size=(260, 2))

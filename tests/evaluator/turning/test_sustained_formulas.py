@@ -225,6 +225,27 @@ def test_frames_rejected_by_the_fit_to_the_whole_are_in_no_piece_unless_they_are
     assert np.any(pieces, axis=0)[used].all()
 
 
+@pytest.mark.parametrize(("chance", "varies"), [(0.9e-3, True), (1.1e-3, False)])
+def test_a_run_of_one_radius_varies_once_in_a_thousand(
+    monkeypatch: pytest.MonkeyPatch, chance: float, varies: bool
+) -> None:
+    """Pieces of three sizes are tested: each has a third of the probability."""
+    pose = winding_poses(np.full(400, 0.2), 0.04)
+    scaled = scaled_poses(pose, np.tile(np.diag([1e-6, 1e-6, 2.5e-7]), (len(pose), 1, 1)))
+    time, steady = np.arange(len(pose)) / 50, np.ones(len(pose), dtype=bool)
+    whole = fit_turn(time, part(scaled, steady))
+    tested = sustained._one_curvature
+    sizes: list[int] = []
+
+    def by_chance(fits: Any) -> Any:
+        sizes.append(len(fits))
+        return replace(tested(fits), p_value=chance / 3)
+
+    monkeypatch.setattr(sustained, "_one_curvature", by_chance)
+    assert sustained_turn(time, scaled, [~steady, steady, ~steady], whole).varies == varies
+    assert len(sizes) == 3
+
+
 def test_tightest_quarter_turn_is_found_where_it_lies_between_two_coarse_steps() -> None:
     """One of 0.25 after two and a quarter of 0.2: half steps hold three quarters of it, 0.2375 in the mean."""
     quarter = np.pi / 2 / 0.2 / 0.04
