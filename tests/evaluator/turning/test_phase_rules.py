@@ -7,7 +7,7 @@ import pytest
 
 from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.motion.fit import Scaled
-from evaluator.turning.phase_table import Kind, Phase, _cuts, _measured, _Piece, _same, several_motions
+from evaluator.turning.phase_table import Kind, Phase, _cuts, _measured, _Piece, _same, phase_table, several_motions
 
 LENGTH_MM, FRAMES, FRAME_S = 2.0, 100, 0.02
 
@@ -29,6 +29,22 @@ def test_every_change_is_cut_and_a_short_one_back_is_not() -> None:
     samples[30, 0] = 5.0  # a sample of a hundred and more costs two pieces
     assert _cuts(samples) == [60, 140]
     assert _cuts(samples[:1]) == []
+
+
+@pytest.mark.parametrize(("change_rad", "motions"), [(0.016, 1), (0.025, 2)])
+def test_a_motion_ends_where_its_direction_changes_by_a_fiftieth(change_rad: float, motions: int) -> None:
+    """From straight ahead to a wide turn: the change is the curvature times the length of the heading.
+
+    Of 200 samples, halves apart by d save 50·(d / 0.02)²; ten logarithms of 200 are 53, d = 0.0206.
+    """
+    heading = np.concatenate([np.zeros(200), change_rad / LENGTH_MM * 0.04 * np.arange(200)])
+    way = np.cumsum(0.04 * np.exp(1j * heading))
+    pose = np.column_stack([way.real, way.imag, heading])
+    pose += 1e-5 * np.random.default_rng(0).normal(size=pose.shape) * [1, 1, 1 / LENGTH_MM]
+    scaled = Scaled(pose, np.tile(1e-10 * np.eye(3), (400, 1, 1)), np.zeros(2), LENGTH_MM, 1e-5)
+    stretched = pose * [1, 1, LENGTH_MM]
+    found = phase_table(FRAME_S * np.arange(400), scaled, stretched, np.ones(400, bool))
+    assert len([one for one in found if one.kind != "transient"]) == motions
 
 
 def piece(kind: Kind, value: float | None = None, half: float = 0.01, speed: float = 2.0) -> _Piece:
