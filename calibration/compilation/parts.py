@@ -1,8 +1,8 @@
 """Kernels that are compiled into their callers.
 
 numba makes a library of every kernel: it links all callees, optimises the whole, generates machine code, and adds
-wrappers for Python and C. A function three calls down is therefore optimised and generated four times. A part is only
-typed and lowered; it is optimised within the kernel that Python calls.
+wrappers for Python and C. A function three calls down is therefore copied, optimised and generated four times. A part
+is only typed and lowered; it is linked and optimised within the kernel that Python calls.
 
 This uses internals of numba: its documented compiler pipeline, and the class of its code libraries.
 """
@@ -26,13 +26,15 @@ class _OptimizedLibrary(JITCodeLibrary):  # type: ignore[misc, unused-ignore]  #
 
 
 class _LoweredLibrary(_OptimizedLibrary):
-    """Code of a part after lowering, not optimised."""
+    """Code of a part after lowering, neither optimised nor linked to its callees."""
+
+    def finalize(self) -> None:
+        """Do not link callees: whoever calls the part links them, each once."""
+        self._raise_if_finalized()
+        self._finalize_final_module()
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout  # noqa: SLF001
-
-    def _optimize_final_module(self) -> None:
-        pass
 
 
 class _PartCompiler(Compiler):  # type: ignore[misc, unused-ignore]
@@ -53,7 +55,9 @@ class _PartCompiler(Compiler):  # type: ignore[misc, unused-ignore]
         result = super().compile_extra(func)
         module, library = result.fndesc.lookup_module(), result.library
         key = _dynfunc.make_function(module, "part", "", 0, result.environment, (library,))
-        self.state.targetctx.insert_user_function(key, result.fndesc, [library])
+        # Callees follow their callers, as the linker drops functions that nothing before them calls.
+        callees = library._linking_libraries if isinstance(library, _LoweredLibrary) else []  # noqa: SLF001
+        self.state.targetctx.insert_user_function(key, result.fndesc, [library, *dict.fromkeys(callees)])
         return result._replace(entry_point=key)
 
 
