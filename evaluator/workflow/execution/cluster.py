@@ -44,13 +44,15 @@ def on_cluster(
         numbers = {future.key: number for number, future in enumerate(futures)}
         try:
             for future in as_completed(futures, waiting):
-                number = numbers[future.key]
+                number = numbers.pop(future.key)
                 try:
-                    yield number, future.result()
+                    answer = future.result()
                 except KilledWorker:
-                    yield number, when_killed(jobs[number])
+                    answer = when_killed(jobs[number])
+                future.release()  # an answer that a worker kept would be computed again if that worker died
+                yield number, answer
         finally:
-            client.cancel(futures)
+            client.cancel([future for future in futures if future.key in numbers])
 
 
 @contextmanager

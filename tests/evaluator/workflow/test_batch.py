@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -118,6 +119,47 @@ def test_nothing_is_lost_when_a_dask_worker_is_killed_half_way(tmp_path: Path) -
     assert there.outputs.turning.read_bytes() == here.outputs.turning.read_bytes()
     for run in ("r0", "r7"):
         assert there.outputs.poses(run).read_bytes() == here.outputs.poses(run).read_bytes()
+
+
+class DoneAtOnce:
+    """A Dask future whose job is done."""
+
+    def __init__(self, key: int, answer: object) -> None:
+        self.key, self.answer, self.is_kept = key, answer, True
+
+    def add_done_callback(self, call: Callable[[object], None]) -> None:
+        call(self)
+
+    def result(self) -> object:
+        return self.answer
+
+    def release(self) -> None:
+        self.is_kept = False
+
+
+def test_no_worker_keeps_a_received_answer_which_would_be_computed_again_if_it_died(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("distributed", reason="the optional extra dask is not installed")
+    futures: list[DoneAtOnce] = []
+
+    class Client:
+        cancelled: tuple[object, ...] = ()
+
+        def submit(self, work: Callable[[int], int], job: int, **_: object) -> DoneAtOnce:
+            futures.append(DoneAtOnce(len(futures), work(job)))
+            return futures[-1]
+
+        def cancel(self, left: list[object]) -> None:
+            self.cancelled = tuple(left)
+
+    client = Client()
+    monkeypatch.setattr(cluster, "_client", lambda _address: contextlib.nullcontext(client))
+    answers = cluster.on_cluster(abs, [-3, -2, -1], address="", when_killed=abs, waiting=lambda: None)
+    assert [next(answers), next(answers)] == [(0, 3), (1, 2)]
+    assert [future.is_kept for future in futures] == [False, False, True]
+    answers.close()
+    assert client.cancelled == (futures[2],)
 
 
 def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
