@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import csv_dialect, write_table
+from evaluator.files.csv_tables import csv_dialect, numbers_of, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
 # nanoseconds since 1970 is beyond it, too). Squares of smaller lengths stay far from the limits of a float.
@@ -58,7 +58,7 @@ def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
         require_marks(table, str(path), there if len(there) > 1 else names)
     numeric = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
     for name in numeric:
-        values = pd.to_numeric(table[name], errors="coerce")
+        values = numbers_of(table[name])
         bad = values.isna() & table[name].notna()
         if bad.any():
             row = int(np.flatnonzero(bad)[0])

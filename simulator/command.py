@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
+from simulator.units import numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -256,12 +257,10 @@ def _numbers(
     path: str | Path, table: pd.DataFrame, names: list[str], units: Mapping[str, Mapping[str, float]]
 ) -> list[Array]:
     """The columns in the first of their units."""
-    import pandas as pd
-
     if not len(table):
         raise SimulationError(f"{path}: holds no row; {EXPECTED}")
     columns = [
-        known[name.removeprefix(f"{quantity}_")] * pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+        known[name.removeprefix(f"{quantity}_")] * numbers_of(table[name]).to_numpy(dtype=float)
         for name, (quantity, known) in zip(names, units.items(), strict=True)
     ]
     bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))

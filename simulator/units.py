@@ -1,10 +1,16 @@
-"""Units by suffix: a key may end in any unit of its kind, and its value is converted to the internal unit."""
+"""Numbers that users write: cells of tables, and values with units by suffix.
+
+A key may end in any unit of its kind, and its value is converted to the internal unit.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # By internal suffix: other suffixes, and the factors for their values. Longer suffixes come first.
 OTHER_ENDINGS: dict[str, dict[str, float]] = {
@@ -46,3 +52,13 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, list | tuple):
         return [_times(item, factor) for item in value]
     return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def numbers_of(column: pd.Series) -> pd.Series:
+    """The cells of a column as numbers: NaN where there is none, infinity for an integer beyond the largest double."""
+    import pandas as pd
+
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:  # pandas keeps an integer of hundreds of digits as it is
+        return pd.to_numeric(column.map(str), errors="coerce")

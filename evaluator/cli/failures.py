@@ -24,7 +24,7 @@ def run_safely(group: click.Group) -> int:
             click.echo("interrupted; what was finished is kept, run the same command again to go on", err=True)
             return 130
         except (ValueError, OSError, MemoryError) as error:
-            sentence = _sentence(error)
+            sentence = sentence_of(error)
             if sentence is None:
                 raise
             click.echo(f"error: {sentence}", err=True)
@@ -41,7 +41,7 @@ def _printable_streams() -> Iterator[None]:
         sys.stdout, sys.stderr = out, err
 
 
-def _sentence(error: ValueError | OSError | MemoryError) -> str | None:
+def sentence_of(error: ValueError | OSError | MemoryError) -> str | None:
     """Text of an error that the user caused; None for a defect of turnscope, which shows its traceback."""
     from calibration.errors import CalibrationError
     from evaluator.errors import InputError

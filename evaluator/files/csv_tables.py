@@ -38,6 +38,14 @@ def csv_dialect(path: Path) -> Dialect:
     return {"sep": ";", "decimal": ","} if first.count(";") > first.count(",") else {"sep": ",", "decimal": "."}
 
 
+def numbers_of(column: pd.Series) -> pd.Series:
+    """The cells of a column as numbers: NaN where there is none, infinity for an integer beyond the largest double."""
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:  # pandas keeps an integer of hundreds of digits as it is
+        return pd.to_numeric(column.map(str), errors="coerce")
+
+
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as CSV, completely or not at all: nine significant digits, NaN as an empty cell."""
     with written_whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:

@@ -17,6 +17,8 @@ from evaluator.interchange.named_points import FileHints, NamedPoints
 
 Array = NDArray[np.float64]
 MOST_NUMBERS = 50_000_000  # of a variable: ten points of ten individuals for two hours at 60 frames a second
+# How HDF5 refers to a text of any length.
+TEXT = np.dtype([("length", "<u4"), ("heap", "<u8"), ("object", "<u4")])
 DEEPLABCUT_KEY = "df_with_missing"  # of the table in the HDF5 that DeepLabCut writes
 
 
@@ -56,6 +58,7 @@ def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:
         raise InputError(f"{path}: HDF5 needs h5py: pip install 'turnscope[netcdf]'") from error
     try:
         with h5py.File(path, "r") as file:
+            _check_texts(path, file)
             if DEEPLABCUT_KEY in file:
                 return _deeplabcut_table(path, file[DEEPLABCUT_KEY], said)
             if {"tracks", "node_names"} <= set(file):
@@ -65,6 +68,22 @@ def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:
     except (OSError, IndexError, AttributeError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
     return None
+
+
+def _check_texts(path: Path, file: Any) -> None:
+    """Raise ValueError if a text claims more bytes than the file has: HDF5 would reserve them before it notices."""
+    import h5py
+
+    size = path.stat().st_size
+    with path.open("rb") as content:
+        for name, found in file.items():
+            text = isinstance(found, h5py.Dataset) and h5py.check_string_dtype(found.dtype)
+            if not text or text.length is not None or (offset := found.id.get_offset()) is None:
+                continue
+            content.seek(offset)
+            lengths = np.frombuffer(content.read(min(found.size * TEXT.itemsize, size)), TEXT)["length"]
+            if lengths.max(initial=0) > size:
+                raise ValueError(f"{name} holds a text of {lengths.max():.3g} bytes, more than the file")
 
 
 def _sleap_analysis(path: Path, file: Any, said: FileHints) -> NamedPoints:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.files.csv_tables import csv_dialect
+from evaluator.files.csv_tables import csv_dialect, numbers_of
 from evaluator.interchange.bags import Topics, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
@@ -230,7 +230,7 @@ def _take(
 
 
 def _column(path: Path, table: pd.DataFrame, name: str) -> Array:
-    values = pd.to_numeric(table[name], errors="coerce")
+    values = numbers_of(table[name])
     bad = values.isna() & table[name].notna()
     if bad.any():
         row = int(np.flatnonzero(bad)[0])

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from simulator.errors import SimulationError
 from simulator.rendering.tables import Circle, Given, Line, Motion, Simulated
 from simulator.robot import Robot
+from simulator.units import numbers_of
 
 Array = NDArray[np.float64]
 COLUMNS = ("time_s", "x_mm", "y_mm", "heading_deg")
@@ -68,7 +69,7 @@ def _given(motion: Given, times_s: Array) -> Array:
     missing = [name for name in COLUMNS if name not in table]
     if missing:
         raise SimulationError(f"{motion.file}: column {', '.join(missing)} is missing; poses need {', '.join(COLUMNS)}")
-    values = table[list(COLUMNS)].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
+    values = table[list(COLUMNS)].apply(numbers_of).to_numpy(dtype=float)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values[:, 0]) > 0).all():
         raise SimulationError(f"{motion.file}: poses need two rows or more, numbers only, and time_s that increases")
     path = values[:, 1:].copy()

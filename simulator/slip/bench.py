@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from simulator.errors import SimulationError
 from simulator.nominal_robot import Slip
 from simulator.slip.curves import BENCH_ANGLES_DEG, law_parameters, normalized_forces
+from simulator.units import numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,8 +63,6 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
     Raises SimulationError for missing columns, cells that are not finite numbers, and forces or sigmas that are not
     positive.
     """
-    import pandas as pd
-
     missing = [column for column in COLUMNS if column not in table]
     if missing:
         raise SimulationError(
@@ -75,7 +74,7 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
             f"{name}: has only {there[0]}; give the standard uncertainty of both torques or of neither"
         )
     columns = [*COLUMNS, *there]
-    values = table[columns].apply(pd.to_numeric, errors="coerce").astype(float)
+    values = table[columns].apply(numbers_of).astype(float)
     for column in columns:
         fine = np.isfinite(values[column])
         if column in ("normal_force_mN", *SIGMAS):

@@ -1,7 +1,8 @@
 """Spoil valid files by the thousand and see that every command ends in results or one sentence.
 
-python -m tests.benchmarks.fuzz --inputs 100000 [--only NAME] [--seed 1] [--keep folder/]
+python -m tests.benchmarks.fuzz --inputs 100000 [--only NAME] [--seed 1] [--keep folder/] [--readers]
 
+With --readers the readers of tables, settings and foreign files are called directly: a million inputs are affordable.
 Every batch of inputs runs in a process of its own, so that a native crash of a decoder is seen as one and the memory
 that a batch took at most is known. A failure is printed once per place, with its input kept for a test.
 """
@@ -19,14 +20,16 @@ from collections import Counter
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from tests.fuzz import readers
 from tests.fuzz.attempt import LIMIT_S, attempt, spoilt
 from tests.fuzz.entries import ENTRIES, Entry, lay_out
+from tests.fuzz.readers import READERS, Reader
 
-BATCH = 100  # inputs per process
+BATCH, READ = 100, 10_000  # inputs per process
 MOST_MB = 2500  # resident memory of a process, libraries included: what one input may take at most
 
 
-def work(answers: Connection, numbers: range, chosen: list[Entry], valid: Path, seed: int) -> None:
+def work(answers: Connection, numbers: range, chosen: list[Entry] | list[Reader], valid: Path, seed: int) -> None:
     """Try inputs by number; sends the number before each, and what was wrong after it."""
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 2)  # decoders write to standard error by themselves
@@ -35,7 +38,10 @@ def work(answers: Connection, numbers: range, chosen: list[Entry], valid: Path, 
         rng = seeded(seed, number)
         entry = chosen[number % len(chosen)]
         began = time.perf_counter()
-        wrong = attempt(entry, spoilt(entry, valid, rng), valid)
+        if isinstance(entry, Reader):
+            wrong = readers.attempt(entry, readers.spoilt(entry, valid, rng), valid)
+        else:
+            wrong = attempt(entry, spoilt(entry, valid, rng), valid)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
         answers.send((number, wrong, time.perf_counter() - began, peak))
 
@@ -50,12 +56,20 @@ class Hunt:
 
     def __init__(self, given: argparse.Namespace, valid: Path) -> None:
         self.given, self.valid = given, valid
-        self.chosen = [entry for entry in ENTRIES if given.only in f"{entry} {' '.join(entry.arguments)}"]
+        self.chosen: list[Entry] | list[Reader] = (
+            [reader for reader in READERS if given.only in reader.name]
+            if given.readers
+            else [entry for entry in ENTRIES if given.only in f"{entry} {' '.join(entry.arguments)}"]
+        )
         self.failures: Counter[str] = Counter()
         self.slowest, self.largest_mb = (0.0, ""), 0
 
-    def entry(self, number: int) -> Entry:
+    def entry(self, number: int) -> Entry | Reader:
         return self.chosen[number % len(self.chosen)]
+
+    def name(self, number: int) -> str:
+        entry = self.entry(number)
+        return entry.name if isinstance(entry, Reader) else str(entry)
 
     def batch(self, rest: range) -> range:
         """Try inputs in a fresh process; gives those that are left where it had to be ended."""
@@ -84,7 +98,7 @@ class Hunt:
 
     def _is_large(self, number: int, found: str, seconds: float, peak_mb: int) -> bool:
         """Note how an input ended; whether the process has grown too large to go on with."""
-        self.slowest = max(self.slowest, (seconds, f"{self.entry(number)}, input {number}"))
+        self.slowest = max(self.slowest, (seconds, f"{self.name(number)}, input {number}"))
         self.largest_mb = max(self.largest_mb, peak_mb)
         large = peak_mb > MOST_MB
         if found or large:
@@ -95,14 +109,18 @@ class Hunt:
         """Print a failure where its place is new, and keep its input."""
         entry = self.entry(number)
         lines = [line.strip() for line in wrong.splitlines() if line.strip().startswith('File "')]
-        place = lines[-1] if lines else f"{entry}: {wrong[:80]}"
+        place = lines[-1] if lines else f"{self.name(number)}: {wrong[:80]}"
         self.failures[place] += 1
         if self.failures[place] > 1:
             return
-        print(f"--- input {number}: {' '.join(entry.arguments)}, {entry.name} spoilt\n{wrong}", flush=True)
+        line = f"{' '.join(entry.arguments)}, {entry.name}" if isinstance(entry, Entry) else entry.name
+        print(f"--- input {number}: {line} spoilt\n{wrong}", flush=True)
         if self.given.keep:
             self.given.keep.mkdir(parents=True, exist_ok=True)
-            content = spoilt(entry, self.valid, seeded(self.given.seed, number))
+            rng = seeded(self.given.seed, number)
+            content = (
+                readers.spoilt(entry, self.valid, rng) if isinstance(entry, Reader) else spoilt(entry, self.valid, rng)
+            )
             (self.given.keep / f"{number}-{Path(entry.name).name}").write_bytes(content)
 
 
@@ -113,17 +131,20 @@ def main() -> None:
     parser.add_argument("--only", default="", help="entries whose command line holds this")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for inputs that failed")
+    parser.add_argument("--readers", action="store_true", help="call the readers of tables and settings directly")
     given = parser.parse_args()
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as name:
         lay_out(Path(name))
         hunt = Hunt(given, Path(name))
-        for first in range(0, given.inputs, BATCH):
-            rest = range(first, min(first + BATCH, given.inputs))
+        size = READ if given.readers else BATCH
+        for first in range(0, given.inputs, size):
+            rest = range(first, min(first + size, given.inputs))
             while rest:
                 rest = hunt.batch(rest)
+    kind = "readers" if given.readers else "commands"
     print(
-        f"{given.inputs} inputs to {len(hunt.chosen)} commands with seed {given.seed}: {hunt.failures.total()} failures"
+        f"{given.inputs} inputs to {len(hunt.chosen)} {kind} with seed {given.seed}: {hunt.failures.total()} failures"
         f" at {len(hunt.failures)} places; {time.perf_counter() - began:.0f} s, slowest {hunt.slowest[0]:.1f} s"
         f" ({hunt.slowest[1]}), at most {hunt.largest_mb} MB"
     )

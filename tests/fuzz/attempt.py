@@ -36,15 +36,15 @@ def attempt(entry: Entry, content: bytes, valid: Path, *, strict: bool = False, 
         folder = Path(name) / "in"
         shutil.copytree(valid, folder)
         (folder / entry.name).write_bytes(content)
-        return _ended(entry, folder, limit_s, (0,) if strict else (0, 1, 2))
+        return ended(entry, folder, limit_s, (0,) if strict else (0, 1, 2))
 
 
-def _ended(entry: Entry, folder: Path, limit_s: float, wanted: Collection[int]) -> str:
+def ended(entry: Entry, folder: Path, limit_s: float, wanted: Collection[int]) -> str:
     arguments = [part.replace(OUT, str(folder.parent / "out")) for part in entry.arguments]
     said, told = io.StringIO(), io.StringIO()
     try:
         with (
-            _limited(limit_s),
+            limited(limit_s),
             _inside(folder, arguments),
             contextlib.redirect_stderr(said),
             contextlib.redirect_stdout(told),
@@ -87,7 +87,7 @@ def _inside(folder: Path, arguments: list[str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _limited(limit_s: float) -> Iterator[None]:
+def limited(limit_s: float) -> Iterator[None]:
     def hang(number: int, frame: object) -> None:
         del number, frame
         raise HangError

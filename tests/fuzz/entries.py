@@ -177,7 +177,7 @@ def lay_out(folder: Path) -> None:
     )
     (folder / "sweep.toml").write_text(
         'format = 1\nname = "s"\nrobot = "barrel"\nduration_s = 0.2\nsamples = 3\nseed = 1\n'
-        "[vary]\nleft_rpm = [10.0, 30.0]\nright_rpm = [5.0, 20.0]\n",
+        "[grid]\nleft_rpm = [10.0, 30.0]\nright_rpm = [5.0, 20.0]\n",
         encoding="utf-8",
     )
 
@@ -189,6 +189,8 @@ def _tables(folder: Path) -> None:
     one = marks[["time_s", "green_x_mm", "green_y_mm"]].rename(columns=lambda name: name.replace("_mm", "_px"))
     one.to_csv(folder / "one.csv", index=False)
     (folder / "commands.csv").write_text("time_s,left_rpm,right_rpm\n0,10,20\n0.1,-5,20\n0.15,0,0\n", encoding="utf-8")
+    poses = "time_s,x_mm,y_mm,heading_deg\n0,0,0,0\n0.1,1.5,0.1,3\n0.2,2.9,0.4,6.5\n"
+    (folder / "poses.csv").write_text(poses, encoding="utf-8")
     (folder / "corrections.csv").write_text("frame,mark,x,y\n2,green,40.5,33.0\n3,yellow,absent,\n", encoding="utf-8")
     rng = np.random.default_rng(1)
     angle = np.linspace(-40, 40, 12)

@@ -51,6 +51,32 @@ def netcdf_of_more_numbers_than_a_track_has(folder: Path) -> tuple[str, ...]:
     return ("turning", str(path), *FOREIGN)
 
 
+def movement_with_a_name_longer_than_the_file(folder: Path) -> tuple[str, ...]:
+    h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
+    path = folder / "r.nc"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("keypoints", data=["mass A", "mass B"], dtype=h5py.string_dtype())
+    with h5py.File(path, "r") as file:
+        offset = file["keypoints"].id.get_offset()
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 4] = b"\xf0\xff\xff\xff"
+    path.write_bytes(content)
+    return ("turning", str(path), *FOREIGN)
+
+
+def number_of_four_hundred_digits(folder: Path) -> tuple[str, ...]:
+    table = TRUTH.copy()
+    text = table.to_csv(index=False).replace("0.0,", f"{'9' * 400},", 1)
+    (folder / "m.csv").write_text(text, encoding="utf-8")
+    return ("turning", str(folder / "m.csv"), "--robot", "barrel")
+
+
+def command_of_four_hundred_digits(folder: Path) -> tuple[str, ...]:
+    path = folder / "c.csv"
+    path.write_text(f"time_s,left_rpm,right_rpm\n0,10,20\n1,{'9' * 400},20\n", encoding="utf-8")
+    return ("simulate", "--robot", "barrel", "--command", str(path), "--duration", "0.2", "-o", str(folder / "s.csv"))
+
+
 def sleap_names_that_are_no_text(folder: Path) -> tuple[str, ...]:
     h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
     path = folder / "r.h5"
@@ -123,6 +149,9 @@ FOUND: dict[Callable[[Path], tuple[str, ...]], str] = {
     zip_whose_directory_lies: "cannot be unpacked",
     classic_netcdf_of_unknown_type: "not in the format",
     netcdf_of_more_numbers_than_a_track_has: "no track",
+    movement_with_a_name_longer_than_the_file: "more than the file",
+    number_of_four_hundred_digits: "time_s = inf is not a time",
+    command_of_four_hundred_digits: "not a finite number",
     sleap_names_that_are_no_text: "not a readable HDF5 file",
     deeplabcut_that_is_no_utf8: "utf-8",
     deeplabcut_with_fewer_columns_than_names: "not in the format",
