@@ -3,7 +3,7 @@
 python -m tests.benchmarks.cluster --recordings 1000 [--seconds 2] [--every 60] [--seed 1]
 
 Four workers on this machine analyse copies of short recordings (the first seconds of the shipped samples) up to the
-report. Every minute one worker, drawn at random, is killed by SIGKILL; its nanny starts another. Afterwards every
+report. Every minute one worker, drawn at random, is killed by SIGKILL, and another is started. Afterwards every
 result of every copy is compared, byte for byte, with that of a plain batch of the recordings themselves, without a
 cluster and undisturbed. Prints also the largest memory of a worker in each quarter of the batch, which would grow if a
 worker kept something, and what the report of all runs takes to open in Chromium. Exits with 1 where a result is missing
@@ -13,13 +13,14 @@ or differs.
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from fractions import Fraction
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from tests.benchmarks.batch import ROOT, command, experiment_of
 from tests.evaluator.browser import BROWSER, pages
 from tests.evaluator.tracking.synthetic import write_video
 
-RATE = 60
+RATE, WORKERS = 60, 4
 
 
 def shortened(samples: Path, seconds: float) -> None:
@@ -61,23 +62,30 @@ def on_cluster(experiment: Path, out: Path, rng: np.random.Generator, every_s: f
     from distributed import LocalCluster
 
     peaks: list[tuple[float, float]] = []
-    kills, began = 0, time.monotonic()
-    with LocalCluster(
-        n_workers=4, threads_per_worker=1, dashboard_address=None, memory_limit=0, silence_logs=50
-    ) as cluster:
+    kills = 0
+    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as cluster:
+        # Without nannies: on a busy machine a nanny gives up a worker that takes long to start.
+        worker = (sys.executable, "-m", "dask", "worker", cluster.scheduler_address, "--nthreads", "1", "--no-nanny")
+        start = partial(subprocess.Popen, (*worker, "--no-dashboard"), cwd=ROOT, stderr=subprocess.DEVNULL)
+        workers = [start() for _ in range(WORKERS)]
+        while len(cluster.scheduler.workers) < WORKERS:
+            time.sleep(0.5)
+        began = time.monotonic()
         ends = began + every_s
-        with subprocess.Popen(
-            command("report", experiment, "-o", out, "--dask", cluster.scheduler_address), cwd=ROOT
-        ) as report:
+        line = command("report", experiment, "-o", out, "--dask", cluster.scheduler_address)
+        with subprocess.Popen(line, cwd=ROOT) as report:
             while report.poll() is None:
                 time.sleep(0.5)
-                workers = [
-                    nanny.process.pid for nanny in cluster.workers.values() if nanny.process and nanny.process.pid
-                ]
-                peaks.append((time.monotonic() - began, max(map(memory_mb, workers), default=0.0)))
-                if time.monotonic() > ends and workers:
-                    os.kill(int(rng.choice(workers)), signal.SIGKILL)
+                peaks.append((time.monotonic() - began, max(memory_mb(one.pid) for one in workers)))
+                if time.monotonic() > ends:
+                    number = int(rng.integers(WORKERS))
+                    workers[number].send_signal(signal.SIGKILL)
+                    workers[number].wait()
+                    workers[number] = start()
                     ends, kills = ends + every_s, kills + 1
+        for one in workers:
+            one.kill()
+            one.wait()
     lasted = time.monotonic() - began
     quarters = [max((peak for at, peak in peaks if k <= 4 * at / lasted <= k + 1), default=0.0) for k in range(4)]
     return {"status": report.returncode, "seconds": lasted, "kills": kills, "quarters": quarters}
