@@ -17,7 +17,7 @@ def own_effects(found: Diagnosis, effect_id: str = ID) -> list[str]:
     """
     search, chosen = found.search, found.chosen
     terms = [term for effect in sorted(chosen) if isinstance(term := (found.terms or {})[effect], FreeTerm)]
-    if search is None or not found.follows:
+    if search is None or not terms or not found.follows:
         return []
     terms.sort(key=lambda term: search.evidence(chosen - {term.id}))
     names = [effect_id, *(f"{effect_id}-{number}" for number in range(2, len(terms) + 1))]

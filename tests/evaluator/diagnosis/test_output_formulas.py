@@ -20,7 +20,7 @@ from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
-from evaluator.diagnosis.output.own_effect import own_effect
+from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.robot import shipped_robot_text
@@ -246,16 +246,19 @@ def test_a_form_is_written_as_an_effect_where_the_model_follows_the_runs() -> No
     form = free_terms()["free:friction.one.driving"]
     fit = SimpleNamespace(point=SimpleNamespace(terms={form.id: (0.25,)}))
     found: Any = SimpleNamespace(
-        chosen=frozenset({form.id, "a"}), terms={form.id: form, "a": None}, fit=fit, follows=True
+        chosen=frozenset({form.id, "a"}),
+        terms={form.id: form, "a": None},
+        fit=fit,
+        follows=True,
+        search=SimpleNamespace(evidence=len),
     )
-    text = own_effect(found)
-    assert text is not None
+    (text,) = own_effects(found)
     assert 'channel = "friction"' in text
     assert 'pattern = "driving"' in text
     found.follows = False
-    assert own_effect(found) is None
+    assert own_effects(found) == []
     found.follows, found.chosen = True, frozenset({"a"})
-    assert own_effect(found) is None
+    assert own_effects(found) == []
 
 
 def test_runs_to_make_next_are_counted() -> None:
