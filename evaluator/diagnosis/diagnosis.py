@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from evaluator.diagnosis.answer import answer
@@ -10,6 +11,7 @@ from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.model_comparison import is_free, separations
 from evaluator.diagnosis.assessment.sole_run import is_followed, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.design.next_runs import best_next_runs
+from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.profile_likelihood import profiles_of
@@ -138,6 +140,14 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
 
 
+def _without_runs(session: Session, runs: Sequence[int], reason: str) -> Session:
+    """The session with some runs left out."""
+    keep = [number for number in range(len(session.data)) if number not in runs]
+    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
+    left_out = {**session.left_out, **{session.data[run].id: reason for run in runs}}
+    return replace(session, data=data, robots=robots, left_out=left_out)
+
+
 def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of runs that are sufficient for a search."""
     ready = prepared(session, progress, fits)
@@ -146,6 +156,8 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         part, everything = searched_on_ground(ready, progress)
     else:
         part = search_named(ready, progress)
+        if diverging := diverging_runs(part):
+            return _searched(_without_runs(session, diverging, DIVERGING), progress, fits)
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)
     said = answer(everything, session, free)

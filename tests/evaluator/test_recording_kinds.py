@@ -142,5 +142,5 @@ def test_check_names_recordings_of_another_size_than_the_cameras_images_and_stac
     faults = check_experiment(path).faults
     assert len(faults) == 3
     assert "frames of 64×48 px, but the camera was calibrated with images of 96×72 px" in faults[0]
-    assert "turned the one or the other by 90 degrees" in faults[1]
+    assert "them by 90 degrees" in faults[1]
     assert "a stack of images has no time stamps" in faults[2]

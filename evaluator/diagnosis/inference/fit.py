@@ -33,8 +33,9 @@ from simulator.effects.coordinates import Candidate
 Floats = NDArray[np.float64]
 
 MOST_STEPS = 10
-# Predicted decrease of -2 log density below which a fit has converged: a hundredth of what any decision needs.
-SETTLED = 0.05
+# Predicted decrease of -2 log density below which a fit has converged: a hundredth of the 23 that an effect needs (odds
+# of eight over its prior). Parameters and evidence are those of the linearized optimum, whose errors are smaller.
+SETTLED = 0.2
 # If a step fails below this predicted decrease, the cause is roughness or curvature of the density, not a wrong
 # direction: over 26 runs, some of them turns on the spot, the density varied by 0.8 between nearly identical points;
 # with two dozen quantities known to a tolerance, some determined to hundreds of sigmas together, 3.6 were predicted at

@@ -255,7 +255,7 @@ class Problem:
             assert view is not None
             if self.open_ground:
                 slopes[number, i] = smooth_slope(here, item, steps[i])
-            elif np.isfinite(item).all():
+            elif np.isfinite(item).all() and view.common[:, i].any():  # else the side ahead is unknown
                 slopes[number, i] = central_slope(view.common[:, i], here, item, steps[i])
         return with_slopes(views, slopes, _theta(point, columns))
 

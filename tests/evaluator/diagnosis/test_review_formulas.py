@@ -27,7 +27,7 @@ def reviewed(
 
     A run counts as followed within 1 mm; one run of four may be odd.
     """
-    session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(1, 2))
+    session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(1, 2), one_frame=True)
     problem: Any = SimpleNamespace(of_tracking=SimpleNamespace())
     fit = SimpleNamespace(point=FITTED, posterior=SimpleNamespace(scatter=np.ones(4)))
     part: Any = SimpleNamespace(problem=problem, fits={chosen: fit})
@@ -46,7 +46,7 @@ def reviewed(
         "run_gaps": lambda *_: next(gaps),
         "noise_floor": lambda *_: np.full(4, 0.1),
         "farthest_followed": lambda *_: np.full(4, 1.0),
-        "pieces": lambda _, point: f"pieces of {point if isinstance(point, str) else 'the fit'}",
+        "pieces": lambda _, point, **__: f"pieces of {point if isinstance(point, str) else 'the fit'}",
         "counting_data": lambda _: "data",
         "later_started": lambda data, known, _: (data, known),
         "with_session": lambda robot, *_: robot,
@@ -104,7 +104,7 @@ def doubted(
 ) -> Diagnosis:
     """What is left of an answer where residuals, the gap, or the number of runs speak against it."""
     monkeypatch.setattr(review, "unexplained", lambda *_: SimpleNamespace(sentence=missed) if missed else None)
-    monkeypatch.setattr(review, "grown_gap", lambda *_: grown)
+    monkeypatch.setattr(review, "grown_gap", lambda *_, **__: grown)
     monkeypatch.setattr(review, "not_shrunk", lambda *_: grown)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
     monkeypatch.setattr(review, "reviewed", lambda again, _: again)
@@ -113,7 +113,7 @@ def doubted(
 
 def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
     parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5)), "gap": "gap"}
-    parts["search"] = SimpleNamespace(problem=None)
+    parts["search"] = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
     return Diagnosis(verdict, "so", chosen=chosen, **parts, **more)
 
 

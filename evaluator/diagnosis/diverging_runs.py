@@ -1,0 +1,64 @@
+"""Runs whose motion diverges: a tiny change of a value that is known to some per cent turns it into another one.
+
+Such a run follows a path that friction along and across its wheels nearly balances, and a neighbouring path leaves it
+exponentially. Within the tolerances of the values its motion cannot be predicted, however right the model is, so that
+no linear view of it holds: its residuals would be explained by any effect that bends its path.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluator.diagnosis.experiment import shortcomings
+from evaluator.diagnosis.inference.fit import EXPLAINED
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.jumps import BENT
+from evaluator.diagnosis.likelihood.problem import Point
+
+# Second difference of the features by one step of all values, over half of their first: from 1 on the slope changes by
+# itself within a step, which is a hundredth of the tolerance of a friction. In seven experiments of 16 to 20 runs two
+# turns reached 0.9 and 1.3, where friction with a grain differs by half between the directions; all others were below
+# 0.3.
+DIVERGES = 0.5
+DIVERGING = (
+    "its motion diverges: the smallest change of friction leads to another path, so that it shows no missing effect"
+)
+
+
+def diverging_runs(search: Search) -> list[int]:
+    """Indices of the runs of an experiment that diverge at the best fit of a search.
+
+    None on open ground, whose noise contains what such runs scatter; none if the best model does not explain the runs,
+    or if the other runs would not suffice.
+    """
+    problem, best = search.problem, search.fits[search.ranked()[0]]
+    if problem.open_ground or not best.converged or best.excess >= EXPLAINED:
+        return []
+    point, columns = best.point, best.columns
+    both = [
+        column
+        for column in columns
+        if all(point.moved(column, way * column.step).is_within_bounds(column) for way in (-1, 1))
+    ]
+
+    def corner(way: float) -> Point:
+        moved = point
+        for column in both:
+            moved = moved.moved(column, way * column.step)
+        return moved
+
+    found = []
+    runs = range(len(problem.data))
+    for run, view in zip(runs, problem.attempted(point, (), runs), strict=True):
+        ahead, here, behind = problem.features([place.task(run) for place in (corner(1), point, corner(-1))])
+        if view is None or not np.isfinite([*ahead, *behind]).all():
+            continue
+        basis = np.linalg.qr(view.start)[0]
+        first, second = (
+            float(np.linalg.norm(part - basis @ (basis.T @ part)))
+            for part in ((ahead - behind) / 2, ahead + behind - 2 * here)
+        )
+        if second > max(BENT, DIVERGES * first):
+            found.append(run)
+    others = [data for run, data in enumerate(problem.data) if run not in found]
+    return [] if shortcomings(others) else found

@@ -1,0 +1,97 @@
+"""Runs whose motion diverges are found by their second differences, and left out with the reason."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import diagnosis, diverging_runs
+from evaluator.diagnosis.diverging_runs import DIVERGING
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference.watch import Watch
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.run_data import Task
+from simulator.effects.coordinates import Candidate, Coordinate
+
+DRIFT = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 10.0),), lambda values: {"size": values[0]})
+COLUMN = Column("drift", 0, DRIFT)
+START = np.eye(5)[:, :3]
+
+
+def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
+    """A search whose best fit is at a drift of 2; a step changes the features of a run by slope and bends."""
+
+    def features(tasks: list[Task]) -> list[np.ndarray]:
+        steps = [(task.terms["drift"][0] - 2.0) / COLUMN.step for task in tasks]
+        return [
+            slopes[task.run] * step * np.eye(5)[3]
+            + bends[task.run] * step**2 / 2 * np.eye(5)[4]
+            + 9 * step**2 * START[:, 0]
+            for task, step in zip(tasks, steps, strict=True)
+        ]
+
+    runs = len(slopes)
+    view = Linearized(np.zeros(5), np.zeros((5, 0)), START, np.zeros((5, 4)))
+    problem = SimpleNamespace(
+        open_ground=changes.get("open_ground", False),
+        data=range(runs),
+        features=features,
+        attempted=lambda *_: [changes.get("view", view)] * runs,
+    )
+    best = SimpleNamespace(
+        converged=changes.get("converged", True),
+        excess=changes.get("excess", 1.0),
+        point=Point(np.zeros((runs, 7)), terms={"drift": (2.0,)}),
+        columns=(COLUMN,),
+    )
+    return SimpleNamespace(problem=problem, fits={frozenset({"drift"}): best}, ranked=lambda: [frozenset({"drift"})])
+
+
+@pytest.fixture(autouse=True)
+def any_runs_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diverging_runs, "shortcomings", lambda data: [] if len(data) > 1 else ["too few"])
+
+
+def test_a_run_diverges_whose_slope_changes_by_half_of_itself_within_a_step() -> None:
+    """What a start pose makes does not count, nor does a fifth of a sigma."""
+    found = search_of([1.0, 1.0, 0.3, 0.3], [0.49, 0.51, 0.19, 0.21])
+    assert diverging_runs.diverging_runs(found) == [1, 3]
+
+
+@pytest.mark.parametrize(
+    "changes", [{"open_ground": True}, {"converged": False}, {"excess": 1.6}, {"view": None}, {"slopes": [1.0, 1.0]}]
+)
+def test_none_diverges_on_open_ground_or_where_no_model_explains_or_where_too_few_are_left(changes: Any) -> None:
+    slopes = changes.pop("slopes", [1.0] * 3)
+    assert diverging_runs.diverging_runs(search_of(slopes, [9.0, 0.0, 0.0], **changes)) == []
+
+
+def test_runs_that_diverge_are_left_out_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    data: Any = tuple(SimpleNamespace(id=f"r{number}") for number in range(4))
+    robots: Any = ("a", "b", "c", "d")
+    asked: list[Session] = []
+
+    def prepared(session: Session, *_: Any) -> Any:
+        asked.append(session)
+        return SimpleNamespace(problem=SimpleNamespace(open_ground=False), free={}, terms={})
+
+    class Enough(Exception):  # noqa: N818 - no error
+        """The search went on with all runs that are left."""
+
+    def on_all_runs(*_: Any) -> None:
+        raise Enough
+
+    monkeypatch.setattr(diagnosis, "prepared", prepared)
+    monkeypatch.setattr(diagnosis, "search_named", lambda *_: None)
+    monkeypatch.setattr(diagnosis, "diverging_runs", lambda _: [1, 2] if len(asked) == 1 else [])
+    monkeypatch.setattr(diagnosis, "fit_on_all_runs", on_all_runs)
+    with pytest.raises(Enough):
+        diagnosis._searched(Session(data, robots, {}), Watch(), None)
+    left: Any = asked[1]
+    assert [run.id for run in left.data] == ["r0", "r3"]
+    assert left.robots == ("a", "d")
+    assert left.left_out == {"r1": DIVERGING, "r2": DIVERGING}
