@@ -114,6 +114,7 @@ def test_a_search_from_a_large_misfit_owes_the_plate_what_is_usual(
     monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: ())
     monkeypatch.setattr(search_runs, "run_search", lambda part, *_: begun.append(part.problem))
     monkeypatch.setattr(search_runs, "_with_settled_noise", lambda part, *_: part)
+    monkeypatch.setattr(search_runs, "diverging_runs", lambda _: [])
     monkeypatch.setattr(search_runs, "_swap", lambda _: None)
     ready = Prepared(search.problem, nominal, search.tolerance, search.terms)
     search_runs.search_named(ready, no_progress)
