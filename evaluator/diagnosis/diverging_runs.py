@@ -15,13 +15,13 @@ from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
 from evaluator.diagnosis.likelihood.problem import Point
 
-# Second difference of the features by one step of all values, over half of their first: from 1 on the slope changes by
-# itself within a step, which is a hundredth of the tolerance of a friction. In seven experiments of 16 to 20 runs two
-# turns reached 0.9 and 1.3, where friction with a grain differs by half between the directions; all others were below
-# 0.3.
+# Share by which the slopes of a run change within one step of all values; a step of a friction is a hundredth of its
+# usual tolerance. Of the runs of five experiments two turns reached 0.9 and 1.3, on a plate with a grain; the others
+# were below 0.3.
 DIVERGES = 0.5
 DIVERGING = (
-    "its motion diverges: the smallest change of friction leads to another path, so that it shows no missing effect"
+    "its motion diverges: a change of friction far below its tolerance leads to another path, so that the run shows "
+    "nothing about the model"
 )
 
 
