@@ -13,7 +13,7 @@ from evaluator.diagnosis.experiment import shortcomings
 from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 
 # Share by which the slopes of a run change within one step of all values; a step of a friction is a hundredth of its
 # usual tolerance. Of the runs of five experiments two turns reached 0.9 and 1.3, on a plate with a grain; the others

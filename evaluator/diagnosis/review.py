@@ -24,7 +24,7 @@ from evaluator.diagnosis.assessment.session_as_found import later_started, with_
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_runs import refit_without_held_out

@@ -17,8 +17,9 @@ from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import build_problem
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from simulator.effects.catalogue import EFFECTS

@@ -18,8 +18,8 @@ from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
 from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import with_noise_of
-from evaluator.diagnosis.likelihood.problem import Point
 from evaluator.diagnosis.search_input import Prepared, fitted_runs
 from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate

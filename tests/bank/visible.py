@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.assessment.model_comparison import is_free
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.likelihood.features import channels_of
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.result import Diagnosis
 
 Floats = NDArray[np.float64]

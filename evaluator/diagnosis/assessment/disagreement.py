@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
-    from evaluator.diagnosis.likelihood.problem import Point, Problem
+    from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import Problem
 
 Floats = NDArray[np.float64]
 

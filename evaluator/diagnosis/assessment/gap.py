@@ -23,7 +23,8 @@ from scipy import special
 
 from evaluator.comparison import simulated_poses, trajectory_gap
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.marks import columns_of
 from evaluator.pose import poses_from_marks

@@ -21,7 +21,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     Quantity,
     mark_shifts,
 )
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.robot_geometry import reference_line, reference_places
 from simulator.effects.entry import EffectEntry

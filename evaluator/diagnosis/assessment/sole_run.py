@@ -30,7 +30,8 @@ from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import Problem
 
 Floats = NDArray[np.float64]
 

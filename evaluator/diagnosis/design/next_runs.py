@@ -32,7 +32,8 @@ from evaluator.diagnosis.likelihood.features import channels_of, compression
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import depends_on_place

@@ -21,7 +21,7 @@ from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN, Quantity, quantities
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
 from evaluator.errors import InputError
 from evaluator.settings import KnownTo

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.problem import Column
+from evaluator.diagnosis.likelihood.point import Column
 
 Floats = NDArray[np.float64]
 

@@ -26,7 +26,8 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import (
     solve_within,
 )
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, secant, settled_by_run
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import Values
 from simulator.effects.coordinates import Candidate
 

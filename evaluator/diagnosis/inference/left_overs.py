@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.problem import Column
+from evaluator.diagnosis.likelihood.point import Column
 
 Floats = NDArray[np.float64]
 

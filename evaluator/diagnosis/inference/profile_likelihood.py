@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel
-from evaluator.diagnosis.likelihood.problem import Column
+from evaluator.diagnosis.likelihood.point import Column
 from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate
 

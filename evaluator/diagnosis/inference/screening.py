@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from evaluator.diagnosis.inference.fit import prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate
 
 

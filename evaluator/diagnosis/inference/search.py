@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, Fit, fit_model
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Values
 from simulator.effects.coordinates import Candidate
 

@@ -14,8 +14,9 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
 from evaluator.diagnosis.inference.strategy import run_search
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import within_horizon
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.progress import Progress
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.turning.motion.curvature import Z_975
 
 HALVINGS = 6  # bisections of the last doubled step, which determine a limit to about 1 %

@@ -16,7 +16,7 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
 from evaluator.diagnosis.inference.screening import Screen, screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.progress import Progress
 
 SINGLES_REFITTED = 7

@@ -25,7 +25,8 @@ from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_dis
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import uneven_shifts, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
-from evaluator.diagnosis.likelihood.problem import FRICTION, Point, Problem
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
 from evaluator.robot_geometry import wheel_sides
 

@@ -22,8 +22,8 @@ from evaluator.diagnosis.likelihood.features import Compression, residual_of_mar
 from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, SHARED_UNIT, Forward, RunData, Task, is_shared
-from simulator.effects.coordinates import Candidate
+from evaluator.diagnosis.likelihood.point import Column, Point, points_of, theta_of
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData, Task
 from simulator.effects.parameter import Size
 
 Floats = NDArray[np.float64]
@@ -33,94 +33,9 @@ Floats = NDArray[np.float64]
 PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 FRICTION, START = 3, 6  # indices among them
 OF_GROUND = (0, 1, 2, START)  # parameters of runs on open ground: start pose and start, without friction and gains
-NOMINAL_STEP = 5e-4
-NOMINAL_STEPS = {"body": 5e-3}  # larger, because mass has little influence except by inertia
-SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
-STEP_SHARE = 0.2  # of a visible step: with larger steps, curvature would separate effects that equal random effects
 # Simulations in one piece of work: their marks, some 20 kB each, fit into the processor's cache, and there are several
 # pieces for several cores. Pieces do not depend on the number of cores.
 TASKS_AT_ONCE = 160
-
-
-@dataclass(frozen=True)
-class Column:
-    """A common parameter: a nominal value (term is None) or one coordinate of a term, with derivatives at start values.
-
-    to: coordinates to which the term is changed as a whole; the parameter is then the share of this change.
-    """
-
-    key: str
-    coordinate: int = 0
-    term: Candidate | None = None
-    start: tuple[float, ...] | None = None
-    to: tuple[float, ...] | None = None
-
-    @property
-    def step(self) -> float:
-        """Step of the finite difference."""
-        if self.to is not None:
-            return 1.0
-        if self.term is None:
-            return SHARED_STEP if is_shared(self.key) else NOMINAL_STEPS.get(self.key.split(".")[0], NOMINAL_STEP)
-        return STEP_SHARE * self.term.coordinates[self.coordinate].step
-
-    @property
-    def absent(self) -> float:
-        """Value at which the parameter has no influence."""
-        return 0.0 if self.term is None else self.term.coordinates[self.coordinate].absent
-
-
-@dataclass(frozen=True)
-class Point:
-    """Nominal deviations, term coordinates, and the parameters per run (n, 7) as in Task."""
-
-    per_run: Floats
-    nominal: Mapping[str, float] = field(default_factory=dict)
-    terms: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-
-    def without_absent(self, columns: Sequence[Column]) -> Point:
-        """The point without those terms of these columns that have no influence, with the same motion.
-
-        A fit that begins there can reuse the simulations of a screening.
-        """
-        absent = {column.key: column.term.absent for column in columns if column.term is not None}
-        kept = {effect: values for effect, values in self.terms.items() if values != absent.get(effect)}
-        return self if len(kept) == len(self.terms) else replace(self, terms=kept)
-
-    def moved(self, column: Column, amount: float) -> Point:
-        """The point with one common parameter changed by amount, or to column.to if given."""
-        if column.term is None:
-            return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
-        values = list(column.to or self.terms.get(column.key, column.start or column.term.absent))
-        values[column.coordinate] += 0.0 if column.to else amount
-        return replace(self, terms={**self.terms, column.key: tuple(values)})
-
-    def value(self, column: Column) -> float:
-        """Value of a common parameter relative to its absent value."""
-        if column.term is None:
-            return self.nominal.get(column.key, 0.0)
-        values = self.terms.get(column.key)
-        return 0.0 if values is None else values[column.coordinate] - column.absent
-
-    def is_within_bounds(self, column: Column) -> bool:
-        """Whether a term is within its bounds; outside, simulations may take long: motors faster under load chatter."""
-        values = self.terms.get(column.key, ())
-        return column.term is None or column.term.clipped(values) == tuple(values)
-
-    def at(self, columns: Sequence[Column], theta: Floats) -> Point:
-        """The point with common parameters at values (p,) relative to their absent values."""
-        nominal, values = dict(self.nominal), {effect: list(value) for effect, value in self.terms.items()}
-        for column, value in zip(columns, theta, strict=True):
-            if column.term is None:
-                nominal[column.key] = float(value)
-            else:
-                values[column.key][column.coordinate] = float(value + column.absent)
-        return Point(self.per_run, nominal, {effect: tuple(value) for effect, value in values.items()})
-
-    def task(self, run: int, shift: Floats | None = None) -> Task:
-        """Parameters for the simulation of one run."""
-        per_run = self.per_run[run] if shift is None else self.per_run[run] + shift
-        return Task(run, tuple(per_run.tolist()), self.nominal, self.terms)
 
 
 @dataclass(frozen=True)
@@ -225,7 +140,7 @@ class Problem:
         point = point.without_absent(columns)
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + len(self.varied) + 1))
         groups = [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
-        work = partial(self._attempted, point, columns, *_points(point, columns))
+        work = partial(self._attempted, point, columns, *points_of(point, columns))
         return [item for part in self.watch.each(work, groups) for item in part]
 
     def _attempted(
@@ -236,7 +151,7 @@ class Problem:
         bases: Mapping[tuple[str, tuple[float, ...]], int],
         runs: Sequence[int],
     ) -> list[Linearized | None]:
-        """One piece of the work of `attempted`; points, bases: from _points."""
+        """One piece of the work of `attempted`; points, bases: from points_of."""
         size = len(points) + len(self.varied)
         every = self.features([task for run in runs for task in self._tasks(point, points, run)])
         features = [np.array(every[number * size : (number + 1) * size]) for number in range(len(runs))]
@@ -257,7 +172,7 @@ class Problem:
                 slopes[number, i] = smooth_slope(here, item, steps[i])
             elif np.isfinite(item).all() and view.common[:, i].any():  # else the side ahead is unknown
                 slopes[number, i] = central_slope(view.common[:, i], here, item, steps[i])
-        return with_slopes(views, slopes, _theta(point, columns))
+        return with_slopes(views, slopes, theta_of(point, columns))
 
     @staticmethod
     def _jumping(views: Sequence[Linearized | None], steps: Floats) -> list[tuple[int, int]]:
@@ -305,7 +220,7 @@ class Problem:
     ) -> list[Linearized | None]:
         """Linearizations of runs at a nearby point, with new responses and the slopes of views."""
         result: list[Linearized | None] = []
-        theta = _theta(point, columns)
+        theta = theta_of(point, columns)
         for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
             sound = bool(np.isfinite(features).all())
             response = features + view.common @ theta + view.scatter @ point.per_run[run, 3:]
@@ -333,21 +248,5 @@ class Problem:
                 common[:, i] = (features[before[i]] - features[after]) / column.step
         per_run = np.zeros((len(base), PER_RUN))
         per_run[:, varied] = ((base - features[-len(varied) :]) / self.per_run_steps[varied, None]).T
-        response = base + common @ _theta(point, columns) + per_run[:, 3:] @ point.per_run[run, 3:]
+        response = base + common @ theta_of(point, columns) + per_run[:, 3:] @ point.per_run[run, 3:]
         return Linearized(response, common, per_run[:, :3], per_run[:, 3:])
-
-
-def _theta(point: Point, columns: Sequence[Column]) -> Floats:
-    """Values (p,) of common parameters at the point of linearization; 0 for a term at its start values."""
-    return np.array([0.0 if column.start is not None else point.value(column) for column in columns])
-
-
-def _points(point: Point, columns: Sequence[Column]) -> tuple[list[Point], dict[tuple[str, tuple[float, ...]], int]]:
-    """Points for the derivatives of every run, and indices of the base points of terms with start values."""
-    points = [point]
-    bases: dict[tuple[str, tuple[float, ...]], int] = {}
-    for column in columns:  # a term with start values has a base point of its own
-        if column.start is not None and (column.key, column.start) not in bases:
-            bases[column.key, column.start] = len(points)
-            points.append(replace(point, terms={**point.terms, column.key: column.start}))
-    return points + [point.moved(column, column.step) for column in columns], bases

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 
 from evaluator.diagnosis.candidates.free_form import FreeTerm
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.robot_file import number

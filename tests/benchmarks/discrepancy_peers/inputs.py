@@ -19,8 +19,9 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.experiment import Session, session_of
 from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import build_problem
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.marks import columns_of

@@ -19,7 +19,7 @@ from evaluator.diagnosis.assessment.gap import predicted_gaps, run_gaps
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.linear.random_effects import place_starts
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from simulator.effects.coordinates import Candidate
 from tests.benchmarks.discrepancy_peers.inputs import Floats, Inputs

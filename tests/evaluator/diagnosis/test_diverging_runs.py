@@ -13,7 +13,7 @@ from evaluator.diagnosis.diverging_runs import DIVERGING
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import Task
 from simulator.effects.coordinates import Candidate, Coordinate
 

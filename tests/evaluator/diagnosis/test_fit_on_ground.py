@@ -17,7 +17,8 @@ from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.jumps import smooth_slope
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Column, Point, Problem
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.search_input import show_starts
 from simulator.effects.coordinates import Candidate, Coordinate

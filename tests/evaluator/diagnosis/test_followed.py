@@ -14,8 +14,8 @@ from evaluator.diagnosis.assessment.gap import counting_data, run_gaps
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.linear.random_effects import place_starts
 from evaluator.diagnosis.likelihood.noise.friction_wander import whitening
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import build_problem
-from evaluator.diagnosis.likelihood.problem import Column, Point
 from tests.evaluator.diagnosis.test_problem import TIME, Circle, measured
 
 MASS = Column("body.mass_g")

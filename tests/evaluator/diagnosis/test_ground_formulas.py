@@ -11,8 +11,8 @@ from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, wi
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import _midpoint_about
-from evaluator.diagnosis.likelihood.problem import Column, Point
 from evaluator.diagnosis.likelihood.run_data import RunData
 from simulator.effects.coordinates import Candidate, Coordinate
 

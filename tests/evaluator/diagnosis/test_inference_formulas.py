@@ -27,7 +27,7 @@ from evaluator.diagnosis.inference.linearized_optimum import optimum_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, Posterior, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate, Coordinate
 from tests.evaluator.diagnosis.synthetic import linear_runs
 

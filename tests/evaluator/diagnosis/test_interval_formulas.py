@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import profile_likelihood, silence
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate, Coordinate
 

@@ -18,7 +18,7 @@ from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
 from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect

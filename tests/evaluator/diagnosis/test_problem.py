@@ -15,8 +15,9 @@ from evaluator.diagnosis.likelihood import problem as problems
 from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, _per_run_goal, secant, settled
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import NO_DISTANCE_MM, build_problem
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import linear_runs

@@ -21,7 +21,8 @@ from evaluator.diagnosis.likelihood.known_to import (
 )
 from evaluator.diagnosis.likelihood.linear import random_effects
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
-from evaluator.diagnosis.likelihood.problem import Column, Point, Problem
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, Task
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.settings import KnownTo

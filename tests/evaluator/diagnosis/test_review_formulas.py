@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import review
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.result import Diagnosis
 
 TILT, FREE = frozenset({"plate-tilt"}), frozenset({"free:x"})

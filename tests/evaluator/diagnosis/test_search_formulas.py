@@ -16,7 +16,7 @@ from evaluator.diagnosis.inference.screening import Screen, _wants_whole_change
 from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, within
 from evaluator.diagnosis.inference.watch import Watch
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate
 

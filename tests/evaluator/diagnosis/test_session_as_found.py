@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.settings import KnownTo

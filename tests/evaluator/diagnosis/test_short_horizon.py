@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference.short_horizon import is_implausible
-from evaluator.diagnosis.likelihood.problem import Point
+from evaluator.diagnosis.likelihood.point import Point
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gain
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
-from evaluator.diagnosis.likelihood.problem import Column, Point
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
 from tests.evaluator.diagnosis.synthetic import column, fit_of, linear_runs, minus_two_log
 

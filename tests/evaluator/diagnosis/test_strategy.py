@@ -17,8 +17,9 @@ from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.strategy import extend, run_search
 from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, UNEVEN_MODES, USUAL_WANDER
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import build_problem, friction_shifts
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.search_input import Prepared
 from evaluator.progress import no_progress

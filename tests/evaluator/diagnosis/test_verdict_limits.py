@@ -15,7 +15,7 @@ from evaluator.diagnosis.assessment.gap import Gap, not_shrunk
 from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.sole_run import sole_gains
 from evaluator.diagnosis.assessment.verdict import material_gain
-from evaluator.diagnosis.likelihood.problem import Column
+from evaluator.diagnosis.likelihood.point import Column
 from evaluator.diagnosis.output.effects_json import equivalents
 
 OTHERS = np.array([-1.3, -0.8, -0.4, -0.1, 0.2, 0.5, 0.7, 1.2, -0.6, 0.6])

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.problem import Point, Problem
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.problem import Problem
 
 Floats = NDArray[np.float64]
 
