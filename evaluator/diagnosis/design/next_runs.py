@@ -81,7 +81,7 @@ def hypothetical(
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])
     data = tuple(replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True))
     channels = tuple(channels_of(item) for item in marks)
-    half = float(np.nanmedian([np.nanmedian(item[:, 3]) for item in channels])) / 2
+    half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2  # NaN: cannot be simulated
     distinct = {len(time): time for time in times}
     by_length = {size: compression(time, np.ones(size, dtype=np.bool_), noise) for size, time in distinct.items()}
     compressions = tuple(by_length[len(time)] for time in times)

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.design.next_runs import ENOUGH_SIGMAS, MOST_RUNS, Information, runs_until_enough
+from evaluator.diagnosis.design.candidate_runs import CandidateRun
+from evaluator.diagnosis.design.next_runs import (
+    ENOUGH_SIGMAS,
+    MOST_RUNS,
+    Information,
+    hypothetical,
+    runs_until_enough,
+)
+from evaluator.diagnosis.likelihood.noise.tracking import Noise
+from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from simulator.robot import load_robot
 
 
 def of_one_parameter(differs: list[float], imitates: list[float], *, known: float, at_hand: float = 0.0) -> Information:
@@ -42,3 +55,18 @@ def test_of_two_rivals_each_gets_the_run_that_tells_of_it() -> None:
     runs, sigmas = runs_until_enough([first, second])
     assert sorted(runs) == [0, 1]
     assert sigmas == pytest.approx(5.5)
+
+
+def test_a_candidate_run_that_cannot_be_simulated_takes_nothing_from_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def marks(_: Any, tasks: list[Any]) -> list[np.ndarray]:
+        return [
+            np.full((300, 4), np.nan) if task.run == 0 else np.tile([0.0, 1.5, 0.0, -1.5], (300, 1)) for task in tasks
+        ]
+
+    monkeypatch.setattr(Simulated, "marks", marks)
+    run = CandidateRun(30.0, 20.0, 45.0, 1.0, 2.0, 6.0)
+    nowhere = Point(np.zeros((0, 7)))
+    problem, _ = hypothetical(load_robot("barrel"), {}, (Noise(0.01, 0.0, 0.1),) * 4, [run, run], [0, 1], nowhere)
+    assert problem.half_distance_mm == 1.5
