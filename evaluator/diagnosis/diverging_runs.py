@@ -38,7 +38,8 @@ def diverging_runs(search: Search) -> list[int]:
     both = [
         column
         for column in columns
-        if all(point.moved(column, way * column.step).is_within_bounds(column) for way in (-1, 1))
+        if column.has_two_sides
+        and all(point.moved(column, way * column.step).is_within_bounds(column) for way in (-1, 1))
     ]
 
     def corner(way: float) -> Point:

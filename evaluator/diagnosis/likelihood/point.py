@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.likelihood.known_to import START
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task, is_shared
 from simulator.effects.coordinates import Candidate
 
@@ -40,6 +41,11 @@ class Column:
         if self.term is None:
             return SHARED_STEP if is_shared(self.key) else NOMINAL_STEPS.get(self.key.split(".")[0], NOMINAL_STEP)
         return STEP_SHARE * self.term.coordinates[self.coordinate].step
+
+    @property
+    def has_two_sides(self) -> bool:
+        """Whether the motion depends smoothly on it; a start before the first frame hides how the robot starts."""
+        return self.key != START
 
     @property
     def absent(self) -> float:

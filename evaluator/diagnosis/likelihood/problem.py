@@ -192,6 +192,7 @@ class Problem:
             i
             for i, column in enumerate(columns)
             if (column.term is None or column.key in point.terms)
+            and column.has_two_sides
             and point.moved(column, -steps[i]).is_within_bounds(column)
         ]
         sound = [(number, view) for number, view in enumerate(views) if view is not None]

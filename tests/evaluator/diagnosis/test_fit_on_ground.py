@@ -136,6 +136,27 @@ def test_a_slope_is_taken_from_both_sides_where_motion_on_a_plate_bends(
         assert not view.common.any()
 
 
+def test_the_start_of_motion_has_one_side() -> None:
+    """Before the first frame it hides how the robot starts: both sides together told twice what the runs know."""
+    assert not Column("start_common_s").has_two_sides
+    assert Column("time_base").has_two_sides
+    assert Column("drift", 0, DRIFT).has_two_sides
+
+    class Started(Bent):
+        """A world whose runs drift by a parabola of their common start."""
+
+        def marks(self, tasks: list[Task]) -> list[Any]:
+            late = [{"drift": (task.nominal.get("start_common_s", 0.0),)} for task in tasks]
+            return super().marks([replace(task, terms=terms) for task, terms in zip(tasks, late, strict=True)])
+
+    problem = problem_of(Started(0.0, bend=2e6), 1.0)
+    column = Column("start_common_s")
+    (view,) = problem.linearized(Point(np.zeros((3, 7)), {"start_common_s": 0.002}), [column], [0])
+    across = np.linspace(0.0, 1.0, FRAMES) ** 2
+    forward = 1 + 2e6 * (2 * 0.002 + column.step)
+    assert view.common[FRAMES : 2 * FRAMES, 0] == pytest.approx(forward * across, rel=1e-6)
+
+
 def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() -> None:
     for length, has in ((1.0, True), (100.0, False)):
         problem = problem_of(Steps(0.0), length)
