@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 from evaluator.diagnosis.answer import answer
@@ -23,7 +22,7 @@ from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_input import prepared
-from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, search_named
+from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, refined, search_named
 from evaluator.progress import Progress
 
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
@@ -69,8 +68,7 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     If the time limit is reached before, the verdict is "insufficient".
     """
     data, robots = found.session.data, found.session.robots
-    others = [number for number in range(len(data)) if number != suspect]
-    rest = replace(found.session, data=tuple(data[k] for k in others), robots=tuple(robots[k] for k in others))
+    rest = found.session.of_runs([number for number in range(len(data)) if number != suspect])
     if shortcomings(rest.data):
         return None
     again = _diagnosed(rest, watch, fits)
@@ -140,14 +138,6 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
 
 
-def _without_runs(session: Session, runs: Sequence[int], reason: str) -> Session:
-    """The session with some runs left out."""
-    keep = [number for number in range(len(session.data)) if number not in runs]
-    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
-    left_out = {**session.left_out, **{session.data[run].id: reason for run in runs}}
-    return replace(session, data=data, robots=robots, left_out=left_out)
-
-
 def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis of runs that are sufficient for a search."""
     ready = prepared(session, progress, fits)
@@ -157,7 +147,8 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
     else:
         part = search_named(ready, progress)
         if diverging := diverging_runs(part):
-            return _searched(_without_runs(session, diverging, DIVERGING), progress, fits)
+            return _searched(session.leaving_out(diverging, DIVERGING), progress, fits)
+        part = refined(part, ready.start, progress)
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)
     said = answer(everything, session, free)

@@ -13,7 +13,6 @@ from evaluator.diagnosis.experiment import shortcomings
 from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
-from evaluator.diagnosis.likelihood.point import Point
 
 # Share by which the slopes of a run change within one step of all values; a step of a friction is a hundredth of its
 # usual tolerance. Of the runs of five experiments two turns reached 0.9 and 1.3, on a plate with a grain; the others
@@ -41,17 +40,11 @@ def diverging_runs(search: Search) -> list[int]:
         if column.has_two_sides
         and all(point.moved(column, way * column.step).is_within_bounds(column) for way in (-1, 1))
     ]
-
-    def corner(way: float) -> Point:
-        moved = point
-        for column in both:
-            moved = moved.moved(column, way * column.step)
-        return moved
-
+    places = point.beside(both, 1), point, point.beside(both, -1)
     found = []
     runs = range(len(problem.data))
     for run, view in zip(runs, problem.attempted(point, (), runs), strict=True):
-        ahead, here, behind = problem.features([place.task(run) for place in (corner(1), point, corner(-1))])
+        ahead, here, behind = problem.features([place.task(run) for place in places])
         if view is None or not np.isfinite([*ahead, *behind]).all():
             continue
         basis = np.linalg.qr(view.start)[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
@@ -57,6 +57,15 @@ class Session:
     left_out: Mapping[str, str] = field(default_factory=dict)  # usable runs that are not used, with the reason
     own: tuple[str, ...] = ()  # ids of effects of the user, tried like those of the catalogue
 
+    def of_runs(self, keep: Sequence[int]) -> Session:
+        """The session with these runs only, by index."""
+        return replace(self, data=tuple(self.data[k] for k in keep), robots=tuple(self.robots[k] for k in keep))
+
+    def leaving_out(self, runs: Collection[int], reason: str) -> Session:
+        """The session without these runs, by index, which are listed with the reason."""
+        left_out = {**self.left_out, **{self.data[run].id: reason for run in sorted(runs)}}
+        return replace(self.of_runs([k for k in range(len(self.data)) if k not in runs]), left_out=left_out)
+
     @property
     def one_frame(self) -> bool:
         """Whether the runs share a frame: not if the poses of every run begin exactly at the same place.
@@ -97,18 +106,14 @@ def without_mistakes(session: Session) -> Session:
     found = recognise(session.data, session.robots)
     wrong = {run for item in found for run in item.runs}
     keep = [k for k, run in enumerate(session.data) if run.id not in wrong]
-    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
-    return replace(session, data=data, robots=robots, mistakes=tuple(found))
+    return replace(session.of_runs(keep), mistakes=tuple(found))
 
 
 def needed_of(session: Session) -> Session:
     """The session with the runs that a diagnosis needs: on open ground those of some dozen commands of hundreds."""
     if not any(map(is_full_size, session.robots)):
         return session
-    keep = needed_runs(session.data)
-    data, robots = tuple(session.data[k] for k in keep), tuple(session.robots[k] for k in keep)
-    left_out = {run.id: NOT_NEEDED for number, run in enumerate(session.data) if number not in keep}
-    return replace(session, data=data, robots=robots, left_out=left_out)
+    return session.leaving_out(set(range(len(session.data))) - set(needed_runs(session.data)), NOT_NEEDED)
 
 
 def with_knowledge(session: Session, known: KnownTo) -> Session:

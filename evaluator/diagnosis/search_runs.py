@@ -8,7 +8,6 @@ from dataclasses import replace
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, score, separations, standing
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named
-from evaluator.diagnosis.diverging_runs import diverging_runs
 from evaluator.diagnosis.inference.fit import Fit, fit_model
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set
@@ -50,7 +49,7 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 
 def search_named(ready: Prepared, progress: Progress) -> Search:
-    """The search over named effects on all runs that are not held out; it ends early if a run diverges."""
+    """The search over named effects on all runs that are not held out."""
     problem, start = ready.problem, ready.start
     part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data), asked=ready.own)
     begin, large = start, is_large(problem, start)
@@ -65,9 +64,13 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
     else:
         part, begin = _with_drift(part, begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
-    if not diverging_runs(part):
-        part = _with_settled_noise(part, start, progress)
-        _swap(part)
+    return part
+
+
+def refined(part: Search, nominal: Point, progress: Progress) -> Search:
+    """The search with the noise of its best model, and with fits of effects that may replace one of it."""
+    part = _with_settled_noise(part, nominal, progress)
+    _swap(part)
     return part
 
 

@@ -18,7 +18,7 @@ from scipy import special
 
 if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
     from evaluator.diagnosis.likelihood.point import Point
-from evaluator.diagnosis.likelihood.problem import Problem
+    from evaluator.diagnosis.likelihood.problem import Problem
 
 Floats = NDArray[np.float64]
 

@@ -78,6 +78,13 @@ class Point:
         values[column.coordinate] += 0.0 if column.to else amount
         return replace(self, terms={**self.terms, column.key: tuple(values)})
 
+    def beside(self, columns: Sequence[Column], way: float) -> Point:
+        """The point with all these parameters changed by one step of their derivatives, ahead (1) or back (-1)."""
+        point = self
+        for column in columns:
+            point = point.moved(column, way * column.step)
+        return point
+
     def value(self, column: Column) -> float:
         """Value of a common parameter relative to its absent value."""
         if column.term is None:

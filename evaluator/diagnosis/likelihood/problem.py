@@ -198,9 +198,7 @@ class Problem:
         sound = [(number, view) for number, view in enumerate(views) if view is not None]
         if not inside or not sound:
             return []
-        behind = point
-        for i in inside:
-            behind = behind.moved(columns[i], -steps[i])
+        behind = point.beside([columns[i] for i in inside], -1)
         tasks = [place.task(runs[number]) for number, _ in sound for place in (point, behind)]
         found = self.features(tasks)
         return [

@@ -77,7 +77,7 @@ def test_runs_that_diverge_are_left_out_with_the_reason(monkeypatch: pytest.Monk
 
     def prepared(session: Session, *_: Any) -> Any:
         asked.append(session)
-        return SimpleNamespace(problem=SimpleNamespace(open_ground=False), free={}, terms={})
+        return SimpleNamespace(problem=SimpleNamespace(open_ground=False), free={}, start=None)
 
     class Enough(Exception):  # noqa: N818 - no error
         """The search went on with all runs that are left."""
@@ -88,7 +88,7 @@ def test_runs_that_diverge_are_left_out_with_the_reason(monkeypatch: pytest.Monk
     monkeypatch.setattr(diagnosis, "prepared", prepared)
     monkeypatch.setattr(diagnosis, "search_named", lambda *_: None)
     monkeypatch.setattr(diagnosis, "diverging_runs", lambda _: [1, 2] if len(asked) == 1 else [])
-    monkeypatch.setattr(diagnosis, "fit_on_all_runs", on_all_runs)
+    monkeypatch.setattr(diagnosis, "refined", on_all_runs)
     with pytest.raises(Enough):
         diagnosis._searched(Session(data, robots, {}), Watch(), None)
     left: Any = asked[1]
