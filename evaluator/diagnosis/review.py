@@ -21,10 +21,11 @@ from evaluator.diagnosis.assessment.gap import (
 from evaluator.diagnosis.assessment.knowledge import as_taken
 from evaluator.diagnosis.assessment.model_comparison import confirmation
 from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
-from evaluator.diagnosis.assessment.sufficiency import most_odd
+from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.mistakes.hypotheses import unsigned_speeds
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_runs import refit_without_held_out
@@ -99,6 +100,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         )
     elif found.verdict == "effect":
         reason = grown_gap(found.gap, found.held_out, open_ground=open_ground)
+    reason = reason or _missed_command(found)
     few = "runs of more commands are needed" if open_ground and found.chosen else ""
     if reason and (few := few or too_few_runs(found.search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
@@ -106,3 +108,18 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         plain = replace(found, verdict="insufficient", reason=reason, chosen=frozenset(), profiles={})
         return reviewed(plain, nominal)
     return replace(found, verdict="unknown", reason=reason) if reason else found
+
+
+def _missed_command(found: Diagnosis) -> str:
+    """Why the runs of one command contradict the chosen model; empty if runs that it does not explain are scattered."""
+    runs = found.session.data
+    kinds = [unsigned_speeds(run) for run in runs]
+    command = gathered(found.outlying, kinds)
+    if command is None:
+        return ""
+    alike = [run for run, kind in enumerate(kinds) if kind == command]
+    missed = [runs[run].id for run in alike if run in found.outlying]
+    return (
+        f"the model does not explain {len(missed)} of the {len(alike)} runs with the command of {missed[0]} "
+        f"({', '.join(missed)}; either direction, either side): something acts there that it lacks"
+    )

@@ -8,6 +8,9 @@ the dependence must be distinguished from random scatter between runs.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection, Hashable, Sequence
+
 import numpy as np
 from scipy import special
 
@@ -25,6 +28,21 @@ def most_odd(runs: int) -> int:
     More runs go wrong less often than a laboratory has unknown physics (FREE_PRIOR): of 4 runs 1, of 24 runs 3.
     """
     return int(np.argmax(special.bdtr(np.arange(runs + 1), runs, ODD_SHARE) >= 1 - FREE_PRIOR))
+
+
+def gathered(odd: Collection[int], kinds: Sequence[Hashable]) -> Hashable | None:
+    """The kind of run that independent accidents would hardly have gathered in; None if they may be accidents.
+
+    odd: indices of the runs that disagree. kinds: of all runs, equal for runs of the same command. Accidents are spread
+    over the commands; several runs of one command show physics that acts at this command, even if most_odd permits
+    their number. Accidents are excluded if so many of one kind are less probable than unknown physics (FREE_PRIOR,
+    Bonferroni over the kinds): of 10 kinds 2 of 2 runs, or 3 of 5.
+    """
+    runs, missed = Counter(kinds), Counter(kinds[run] for run in odd)
+    several = [kind for kind, count in missed.items() if count > 1]
+    chance = {kind: float(special.bdtrc(missed[kind] - 1, runs[kind], ODD_SHARE)) for kind in several}
+    least = min(chance, key=lambda kind: chance[kind], default=None)
+    return least if least is not None and chance[least] * len(runs) < FREE_PRIOR else None
 
 
 def fewest_runs(parameters: int) -> int:

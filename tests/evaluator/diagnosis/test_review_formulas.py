@@ -112,7 +112,8 @@ def doubted(
 
 
 def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
-    parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5)), "gap": "gap"}
+    runs = more.pop("runs", ())
+    parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5), data=runs), "gap": "gap"}
     parts["search"] = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
     return Diagnosis(verdict, "so", chosen=chosen, **parts, **more)
 
@@ -149,3 +150,14 @@ def test_a_model_that_follows_no_run_is_unknown_and_effects_that_do_not_matter_l
     assert (found.verdict, found.reason.split(" ")[0]) == ("unknown", "neither")
     small = answered("none", TILT, negligible=TILT)
     assert doubted(monkeypatch, small, missed="yaw").verdict == "none"
+
+
+@pytest.mark.parametrize(("outlying", "said"), [((0, 1), "unknown"), ((0, 2), "effect")])
+def test_an_effect_that_misses_all_runs_of_a_command_is_not_the_answer(
+    outlying: tuple[int, ...], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(review, "unsigned_speeds", lambda run: run.id[0])
+    runs = [SimpleNamespace(id=name) for name in ("a1", "a2", "b", "c", "d", "e")]
+    found = doubted(monkeypatch, answered("effect", TILT, outlying=outlying, runs=runs))
+    assert found.verdict == said
+    assert ("2 of the 2 runs with the command of a1 (a1, a2;" in found.reason) == (said == "unknown")

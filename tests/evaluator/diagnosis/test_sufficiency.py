@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
-from evaluator.diagnosis.assessment.sufficiency import fewest_runs, most_odd, too_few
+from evaluator.diagnosis.assessment.sufficiency import fewest_runs, gathered, most_odd, too_few
 
 
 def left(*excess: float) -> Any:
@@ -24,6 +24,26 @@ def test_as_many_runs_may_be_odd_as_go_wrong_by_themselves(runs: int, odd: int) 
     assert most_odd(runs) == odd
     assert (wrong > odd).mean() < 0.05
     assert odd == 0 or (wrong > odd - 1).mean() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("odd", "kind"),
+    [
+        ([0, 4, 8], None),  # one of each command
+        ([0, 1], "a"),  # both of them
+        ([4, 5, 6], "c"),  # three of five
+        ([4, 5], None),  # two of five
+        ([0, 4, 5, 6, 7], "c"),
+        ([], None),
+    ],
+)
+def test_runs_of_one_command_that_disagree_together_are_no_accidents(odd: list[int], kind: str | None) -> None:
+    """Drawn: accidents gather in one of ten commands less often than one laboratory in twenty has unknown physics."""
+    kinds = [*"aabbccccc", *"defghij"]
+    assert gathered(odd, kinds) == kind
+    wrong = np.random.default_rng(2).random((20000, len(kinds))) < 0.05
+    chance = np.mean([gathered(np.flatnonzero(run).tolist(), kinds) is not None for run in wrong[:4000]])
+    assert chance < 0.05
 
 
 def test_four_runs_that_the_model_follows_carry_no_law_without_a_name() -> None:
