@@ -176,8 +176,9 @@ def decide(
     # also better than named effects that are not significant, because chance may imitate both kinds
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
+        added = bool(named) and named_of(ids) == named  # like a second effect, it must gain as much as a first one
         if (
-            gain(ids) > 0
+            gain(ids) > (least_gain(ids) if added else 0)
             and table.of(ids) > table.of(frozenset())
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):

@@ -9,7 +9,7 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
-from evaluator.diagnosis.likelihood.noise.common_drift import changed, common_drift
+from evaluator.diagnosis.likelihood.noise.common_drift import CommonNoise, changed, common_drift
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 
@@ -17,17 +17,17 @@ from evaluator.diagnosis.likelihood.problem import Problem
 SETTLED_NOISE = 0.9
 
 
-def settled_noise(search: Search, best: frozenset[str]) -> Problem | None:
+def settled_noise(search: Search, best: frozenset[str], common: CommonNoise | None = None) -> Problem | None:
     """The problem with noise estimated from the residuals of a fitted set; None if it is unchanged or larger.
 
-    On open ground larger noise counts as well, because the previous estimate belongs to a set that is no longer the
-    best.
+    common: of this set, if it is known already. On open ground larger noise counts as well, because the previous
+    estimate belongs to a set that is no longer the best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
     # Without effects the drift was estimated at the beginning, or the misfit is too large to be a drift of the camera.
     # On open ground the noise already contains all residuals, of the camera, of friction or of the model.
     asked = best and not search.problem.open_ground
-    drifting = with_common_drift(search, fit) if asked else search.problem
+    drifting = _with(search.problem, common or common_noise(search, fit)) if asked else search.problem
     problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
     pairs = zip(problem.noise, search.problem.noise, strict=True)
     ratio = np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs])
@@ -41,6 +41,17 @@ def with_common_drift(search: Search, fit: Fit) -> Problem:
     The same problem, if these are unchanged. A missing effect is partly attributed to drift; the effect must then
     explain more than the drift, and after it is included the drift is estimated again.
     """
+    return _with(search.problem, common_noise(search, fit))
+
+
+def _with(problem: Problem, common: CommonNoise) -> Problem:
+    if (common.drift, common.wander) == (problem.common_drift, problem.friction_wander):
+        return problem
+    return replace(problem, common_drift=common.drift, friction_wander=common.wander)
+
+
+def common_noise(search: Search, fit: Fit) -> CommonNoise:
+    """Common drift and varying friction that the residuals of a fit show; evidences of one search are comparable."""
     problem = search.problem
     compressions = [problem.compressions[run] for run in fit.runs]
     views = [
@@ -48,7 +59,7 @@ def with_common_drift(search: Search, fit: Fit) -> Problem:
         for view, part in zip(fit.linearized, compressions, strict=True)
     ]
     shifts = friction_shifts(problem, fit.point, fit.runs)
-    drift, wander = common_drift(
+    return common_drift(
         views,
         compressions,
         [problem.data[run].time_s[problem.compressions[run].used] for run in fit.runs],
@@ -57,6 +68,3 @@ def with_common_drift(search: Search, fit: Fit) -> Problem:
         [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, shifts, strict=True)],
         problem.watch.each,
     )
-    if (drift, wander) == (problem.common_drift, problem.friction_wander):
-        return problem
-    return replace(problem, common_drift=drift, friction_wander=wander)

@@ -58,7 +58,7 @@ def _runs(
 
 def _found(views: list[Linearized], compressions: list[Compression], assumed: Drift = NO_DRIFT) -> Drift:
     nothing = [np.zeros((len(view.response), 1)) for view in views]
-    return common_drift(views, compressions, [TIME_S] * RUNS, np.array([0.0]), assumed, nothing)[0]
+    return common_drift(views, compressions, [TIME_S] * RUNS, np.array([0.0]), assumed, nothing).drift
 
 
 @pytest.mark.parametrize("seed", range(4))

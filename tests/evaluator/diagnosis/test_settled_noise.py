@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import settled_noise as module
+from evaluator.diagnosis.likelihood.noise.common_drift import CommonNoise
 
 BEST = frozenset({"lag"})
 
@@ -23,11 +24,12 @@ def test_a_search_is_repeated_under_quieter_noise_and_on_ground_under_louder(
 ) -> None:
     fit = SimpleNamespace(point=None, posterior=SimpleNamespace(scatter=None))
     monkeypatch.setattr(module, "place_runs", lambda *_: None)
-    monkeypatch.setattr(module, "with_common_drift", lambda search, _: search.problem)
+    monkeypatch.setattr(module, "common_noise", lambda *_: CommonNoise(0.0, 0.0, 0.0))  # type: ignore[arg-type]
     found = SimpleNamespace(noise=[(SimpleNamespace(sigma_mm=sigma_mm),)])
     monkeypatch.setattr(module, "with_noise_of", lambda *_: found)
     for ground, repeated in ((True, on_ground), (False, on_plate)):
         problem = SimpleNamespace(data=[1], noise=[(SimpleNamespace(sigma_mm=1.0),)], open_ground=ground)
+        problem.common_drift, problem.friction_wander = 0.0, 0.0
         search: Any = SimpleNamespace(fits={BEST: fit}, problem=problem)
         assert (module.settled_noise(search, BEST) is not None) == repeated
 
@@ -36,9 +38,9 @@ def test_drift_is_estimated_from_features_of_which_the_ground_is_undone(monkeypa
     """The old drift and friction are part of the whitening of a run; on a run without them there is nothing to undo."""
     asked = []
 
-    def drift(views: Any, *_: Any) -> tuple[float, float]:
+    def drift(views: Any, *_: Any) -> CommonNoise:
         asked.append(views)
-        return 0.002, 0.3
+        return CommonNoise(0.002, 0.3, -7.0)  # type: ignore[arg-type]
 
     monkeypatch.setattr(module, "changed", lambda view, undone: f"{view} {undone}")
     monkeypatch.setattr(module, "friction_shifts", lambda *_: [(None, None)] * 2)

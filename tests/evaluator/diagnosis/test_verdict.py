@@ -29,7 +29,9 @@ PLATE = cast("Search", SimpleNamespace(problem=SimpleNamespace(open_ground=False
         ({TRIPLE: 125.0, FREE: 116.0, PAIR: 109.4, OFFSET: 58.0, NOTHING: 0.0}, "effect", TRIPLE),
         # a term without a name beside two true effects, which gains as much as one of a hundred does by chance
         ({PAIR: 103.7, BESIDE: 103.1, OFFSET: 95.0, NOTHING: 0.0}, "effect", PAIR),
-        ({BESIDE: 108.0, PAIR: 103.7, OFFSET: 95.0, NOTHING: 0.0}, "unknown", BESIDE),
+        # beside a speed mismatch on an unevenly clean plate, it predicted a little better too
+        ({BESIDE: 108.0, PAIR: 103.7, OFFSET: 95.0, NOTHING: 0.0}, "effect", PAIR),
+        ({BESIDE: 111.8, PAIR: 103.7, OFFSET: 95.0, NOTHING: 0.0}, "unknown", BESIDE),
         ({FREE: 3.0, NOTHING: 0.0}, "none", NOTHING),
         # under heavy-tailed noise, by chance: together with named ones less probable than nothing
         ({BESIDE: -3.4, PAIR: -3.6, OFFSET: -4.0, NOTHING: 0.0}, "none", NOTHING),

@@ -51,6 +51,15 @@ USUAL_DRIFT = drift_of(*BEGIN)
 
 
 @dataclass(frozen=True)
+class CommonNoise:
+    """Drift and rate of friction that runs show, and the largest log evidence of their views over all of both."""
+
+    drift: Drift
+    wander: float
+    log_evidence: float
+
+
+@dataclass(frozen=True)
 class _Run:
     """One run in features with independent drift and unit variance of the noise without drift.
 
@@ -73,7 +82,7 @@ def common_drift(
     assumed: Drift,
     friction: Sequence[Floats],
     each: Each = map,
-) -> tuple[Drift, float]:
+) -> CommonNoise:
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
     views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
@@ -103,13 +112,14 @@ def common_drift(
         return place
 
     best = uphill((*BEGIN, friction_wander.BEGIN), range(4))
+    largest = log_evidence(*best)
     even = uphill((*best[:3], 0), range(3))
-    if log_evidence(*best) - log_evidence(*even) <= BELIEVED:
+    if largest - log_evidence(*even) <= BELIEVED:
         best = even
     still = uphill((0, best[1], 0, best[3]), [3] if best[3] else [])
     if log_evidence(*best) - log_evidence(*still) <= BELIEVED:
-        return NO_DRIFT, friction_wander.RATES[still[3]]
-    return drift_of(*best[:3]), friction_wander.RATES[best[3]]
+        return CommonNoise(NO_DRIFT, friction_wander.RATES[still[3]], largest)
+    return CommonNoise(drift_of(*best[:3]), friction_wander.RATES[best[3]], largest)
 
 
 def _around(place: _Place, free: Sequence[int]) -> list[_Place]:
