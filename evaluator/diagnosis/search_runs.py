@@ -8,14 +8,14 @@ from dataclasses import replace
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, score, separations, standing
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named, least_gain
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set, log_prior
 from evaluator.diagnosis.inference.settled_noise import common_noise, settled_noise, with_common_drift
 from evaluator.diagnosis.inference.short_horizon import is_implausible, is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import HOPELESS, run_search
 from evaluator.diagnosis.likelihood.known_to import Quantity
-from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT, CommonNoise
+from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, USUAL_DRIFT, CommonNoise
 from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import with_noise_of
@@ -115,17 +115,18 @@ def well_founded(part: Search) -> tuple[Set, CommonNoise | None]:
 
     def score_of(ids: Set) -> float:
         if ids not in noise:
-            noise[ids] = common_noise(part, part.fits[ids])
+            begin = noise[best].place if best in noise else MIDDLE
+            noise[ids] = common_noise(part, part.fits[ids], begin)
         return noise[ids].log_evidence + log_prior(len(ids), len(part.terms))
 
     while best:
         for effect in sorted(best):
             fit_set(part, best - {effect}, {}, part.fits[best], part.explained)
-        rest = [ids for effect in sorted(best) if (ids := best - {effect}) in part.fits]
-        simpler = max(rest, key=score_of, default=None)
-        if simpler is None or score_of(best) - score_of(simpler) >= least_gain(best):
+        fitted = [ids for effect in sorted(best) if (ids := best - {effect}) in part.fits]
+        rest = [ids for ids in fitted if part.score(best) - part.score(ids) < LAGGING]
+        if not rest or score_of(best) - max(map(score_of, rest)) >= least_gain(best):
             break
-        best = simpler
+        best = max(rest, key=score_of)
     return best, noise.get(best)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
-from evaluator.diagnosis.likelihood.noise.common_drift import CommonNoise, changed, common_drift
+from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNoise, Place, changed, common_drift
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 
@@ -50,8 +50,11 @@ def _with(problem: Problem, common: CommonNoise) -> Problem:
     return replace(problem, common_drift=common.drift, friction_wander=common.wander)
 
 
-def common_noise(search: Search, fit: Fit) -> CommonNoise:
-    """Common drift and varying friction that the residuals of a fit show; evidences of one search are comparable."""
+def common_noise(search: Search, fit: Fit, begin: Place = MIDDLE) -> CommonNoise:
+    """Common drift and varying friction that the residuals of a fit show; evidences of one search are comparable.
+
+    begin: see common_drift.
+    """
     problem = search.problem
     compressions = [problem.compressions[run] for run in fit.runs]
     views = [
@@ -67,4 +70,5 @@ def common_noise(search: Search, fit: Fit) -> CommonNoise:
         problem.common_drift,
         [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, shifts, strict=True)],
         problem.watch.each,
+        begin,
     )

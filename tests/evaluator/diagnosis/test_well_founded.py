@@ -23,11 +23,9 @@ def founded(
     """The set that noise is taken from; own: log evidences with the noise of each set, first: with the first noise."""
     fits = {ids: SimpleNamespace(ids=ids) for ids in first}
     order = sorted(first, key=lambda ids: -first[ids])
-    part: Any = SimpleNamespace(
-        fits=fits, terms=range(26), explained=0.0, problem=SimpleNamespace(open_ground=False), ranked=lambda: order
-    )
-    monkeypatch.setattr(search_runs, "fit_set", lambda _, ids, *__: fits.setdefault(ids, SimpleNamespace(ids=ids)))
-    monkeypatch.setattr(search_runs, "common_noise", lambda _, fit: CommonNoise(NO_DRIFT, 0.0, own[fit.ids]))
+    part: Any = SimpleNamespace(fits=fits, terms=range(26), explained=0.0, ranked=lambda: order, score=first.get)
+    monkeypatch.setattr(search_runs, "fit_set", lambda *_: None)
+    monkeypatch.setattr(search_runs, "common_noise", lambda _, fit, __: CommonNoise(NO_DRIFT, 0.0, own[fit.ids]))
     return search_runs.well_founded(part)
 
 
@@ -37,10 +35,14 @@ def test_a_second_effect_counts_from_the_odds_that_keep_it(
 ) -> None:
     """The first noise may favour it by far: it is that of a model without any effect."""
     own = {BOTH: 100.0 + SECOND + gain, MAGNET: 100.0, STRAY: 40.0, NONE: 0.0}
-    found, noise = founded(monkeypatch, own, {BOTH: 90.0, MAGNET: 10.0, NONE: 0.0})
+    found, noise = founded(monkeypatch, own, {BOTH: 90.0, MAGNET: 40.0, STRAY: 35.0, NONE: 0.0})
     assert found == best
     assert noise is not None
     assert noise.log_evidence == own[best]
+
+
+def test_a_set_far_above_all_simpler_ones_needs_no_noise_of_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert founded(monkeypatch, {}, {MAGNET: 60.1, NONE: 0.0}) == (MAGNET, None)
 
 
 def test_without_a_significant_effect_the_noise_is_that_of_the_plain_model(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,8 @@ LASTING_S = (1.0, 4.0, 16.0)  # a shorter one is seen in the spectrum, of a long
 BEGIN = (5, 1, 5)  # of size, time and creep: in the middle of each
 
 
-_Place = tuple[int, int, int, int]  # on the grid: rate, time and creep of a drift, rate of friction
+Place = tuple[int, int, int, int]  # on the grid: rate, time and creep of a drift, rate of friction
+MIDDLE: Place = (*BEGIN, friction_wander.BEGIN)
 
 
 def drift_of(rate: int, time: int, creep: int) -> Drift:
@@ -52,11 +53,15 @@ USUAL_DRIFT = drift_of(*BEGIN)
 
 @dataclass(frozen=True)
 class CommonNoise:
-    """Drift and rate of friction that runs show, and the largest log evidence of their views over all of both."""
+    """Drift and rate of friction that runs show, and the largest log evidence of their views over all of both.
+
+    place: of that evidence, where a search for another model of the same runs should begin.
+    """
 
     drift: Drift
     wander: float
     log_evidence: float
+    place: Place = MIDDLE
 
 
 @dataclass(frozen=True)
@@ -82,13 +87,15 @@ def common_drift(
     assumed: Drift,
     friction: Sequence[Floats],
     each: Each = map,
+    begin: Place = MIDDLE,
 ) -> CommonNoise:
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
     views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
     parameters. assumed: the drift that the views are whitened with; of friction that wanders they know nothing.
-    friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. Nothing
-    of either where the views are explained as well without it, within what chance allows.
+    friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. begin:
+    where the search begins on the grid. Nothing of either where the views are explained as well without it, within what
+    chance allows. Evidences of several models are comparable if their views are whitened alike.
     """
     frames = list(zip(views, compressions, times_s, friction, strict=True))
 
@@ -101,7 +108,7 @@ def common_drift(
         drift = drift_of(rate, time, creep)
         return _log_evidence(lasting(time), drift, friction_wander.RATES[walk], prior_precision)
 
-    def uphill(place: _Place, free: Sequence[int]) -> _Place:
+    def uphill(place: Place, free: Sequence[int]) -> Place:
         last = None
         while place != last:  # the evidence has one maximum
             last, near = place, _around(place, free)
@@ -111,18 +118,18 @@ def common_drift(
             place = near[int(np.argmax(evidences))]
         return place
 
-    best = uphill((*BEGIN, friction_wander.BEGIN), range(4))
-    largest = log_evidence(*best)
+    best = top = uphill(begin, range(4))
+    largest = log_evidence(*top)
     even = uphill((*best[:3], 0), range(3))
     if largest - log_evidence(*even) <= BELIEVED:
         best = even
     still = uphill((0, best[1], 0, best[3]), [3] if best[3] else [])
     if log_evidence(*best) - log_evidence(*still) <= BELIEVED:
-        return CommonNoise(NO_DRIFT, friction_wander.RATES[still[3]], largest)
-    return CommonNoise(drift_of(*best[:3]), friction_wander.RATES[best[3]], largest)
+        return CommonNoise(NO_DRIFT, friction_wander.RATES[still[3]], largest, top)
+    return CommonNoise(drift_of(*best[:3]), friction_wander.RATES[best[3]], largest, top)
 
 
-def _around(place: _Place, free: Sequence[int]) -> list[_Place]:
+def _around(place: Place, free: Sequence[int]) -> list[Place]:
     """A point of the grid and its neighbours along the free axes."""
     most = len(RATES_MM), len(LASTING_S), len(RATES_MM), len(friction_wander.RATES)
     found = [place]
