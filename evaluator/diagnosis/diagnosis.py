@@ -72,6 +72,7 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     if shortcomings(rest.data):
         return None
     again = _diagnosed(rest, watch, fits)
+    rest = again.session  # runs that diverge are left out as well
     if again.stopped:
         tail = f"the finding with {data[suspect].id}, {found.summary}, rests on this run alone"
         return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)

@@ -74,6 +74,19 @@ def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect
         assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
 
 
+@pytest.mark.parametrize("followed", [True, False])
+def test_runs_that_the_second_search_leaves_out_stay_out_of_the_answer(
+    followed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The results by run are those of its session: a report of more runs than results ended in an IndexError."""
+    less = session_of(11).leaving_out([4, 5], "diverges")
+    whole = Diagnosis("unknown", "so", session_of(12))
+    found = diagnosed(monkeypatch, whole, Diagnosis("none", "explained", less), similar=True, followed=followed)
+    assert found.session.data == less.data
+    assert {"r4", "r5"} <= found.session.left_out.keys()
+    assert [item.runs for item in found.session.mistakes] == ([] if followed else [("r3",)])
+
+
 def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkeypatch: pytest.MonkeyPatch) -> None:
     both = TILT | {"friction-gradient"}
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
