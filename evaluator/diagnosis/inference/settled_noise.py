@@ -24,9 +24,10 @@ def settled_noise(search: Search, best: frozenset[str], common: CommonNoise | No
     estimate belongs to a set that is no longer the best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
-    # Without effects the drift was estimated at the beginning, or the misfit is too large to be a drift of the camera.
-    # On open ground the noise already contains all residuals, of the camera, of friction or of the model.
-    asked = best and not search.problem.open_ground
+    # Without effects the drift was estimated at the beginning, or the misfit is too large to be a drift of the camera,
+    # unless an effect that is not significant has just been dropped. On open ground the noise already contains all
+    # residuals, of the camera, of friction or of the model.
+    asked = (best or common) and not search.problem.open_ground
     drifting = _with(search.problem, common or common_noise(search, fit)) if asked else search.problem
     problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
     pairs = zip(problem.noise, search.problem.noise, strict=True)

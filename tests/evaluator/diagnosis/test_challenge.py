@@ -5,9 +5,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis import search_runs
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.point import Point
 
 NONE, ANSWER, REFUSED = frozenset[str](), frozenset({"spring"}), frozenset({"spring", "magnet"})
 
@@ -18,7 +21,7 @@ def test_free_terms_compete_beside_the_answer_where_the_best_set_is_refused(monk
     fits = {ids: SimpleNamespace(point=ids, posterior=SimpleNamespace(log_evidence=e)) for ids, e in evidence.items()}
     terms = {effect: SimpleNamespace(id=effect, stepwise=False) for effect in REFUSED}
     search: Any = SimpleNamespace(fits=fits, terms=terms, problem=SimpleNamespace(open_ground=False))
-    seen = []
+    seen: list[Any] = []
 
     def screened(_: Any, point: Any, inside: list[str], free: Any) -> Any:
         del free
@@ -27,5 +30,40 @@ def test_free_terms_compete_beside_the_answer_where_the_best_set_is_refused(monk
 
     monkeypatch.setattr(search_runs, "screen", screened)
     monkeypatch.setattr(search_runs, "rank_named", lambda *_: (None, ANSWER))
+    monkeypatch.setattr(search_runs, "fit_null_from_rivals", lambda _: seen.append("null"))
     search_runs.challenge_with_free_terms(search, {}, lambda *_: None)
-    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER)]
+    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER), "null"]
+
+
+@pytest.mark.parametrize(
+    ("rival", "evidence", "refitted", "null"),
+    [
+        (20.0, 5.0, True, 5.0),
+        (20.0, -3.0, True, 0.0),  # no better from there
+        (-1.0, 5.0, False, 0.0),  # no more probable than the null
+        (61.0, 5.0, False, 0.0),  # far more probable: no fit of the null would close that
+        (20.0, None, True, 0.0),  # cannot be simulated
+    ],
+)
+def test_the_null_is_fitted_from_the_parameters_of_sets_little_more_probable(
+    rival: float, evidence: float | None, refitted: bool, null: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fit_of(value: float, place: str) -> Any:
+        point = Point(np.zeros((1, 7)), {"place": 1.0 + (place == "rival")}, {"spring": (1.0,)})
+        return SimpleNamespace(posterior=SimpleNamespace(log_evidence=value), point=point)
+
+    begun: list[Point] = []
+
+    def fitted(_: Any, point: Point, terms: Any, *__: Any) -> Any:
+        assert not terms
+        begun.append(point)
+        if evidence is None:
+            raise FloatingPointError
+        return fit_of(evidence, "null")
+
+    fits = {NONE: fit_of(0.0, "null"), ANSWER: fit_of(rival, "rival")}
+    search = Search(None, {}, {}, (0,), fits=fits)  # type: ignore[arg-type]
+    monkeypatch.setattr(search_runs, "fit_model", fitted)
+    search_runs.fit_null_from_rivals(search)
+    assert [(point.nominal, point.terms) for point in begun] == [({"place": 2.0}, {})] * refitted
+    assert search.null.posterior.log_evidence == null

@@ -128,7 +128,7 @@ def _of_four_runs(verdict: str, after: float, *, open_ground: bool = False) -> D
     return Diagnosis(
         verdict,  # type: ignore[arg-type]
         "why",
-        None,  # type: ignore[arg-type]
+        SimpleNamespace(data=()),  # type: ignore[arg-type]
         chosen=frozenset({"plate-tilt"}),
         gap=gap(after),
         search=SimpleNamespace(problem=SimpleNamespace(open_ground=open_ground)),  # type: ignore[arg-type]
