@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.design.next_runs import NextRuns
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.profile_likelihood import Profile
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.problem import Problem

@@ -8,7 +8,8 @@ from dataclasses import replace
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, score, separations, standing
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named, least_gain
-from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
+from evaluator.diagnosis.inference.fit import LAGGING, fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set, log_prior
 from evaluator.diagnosis.inference.settled_noise import common_noise, settled_noise, with_common_drift

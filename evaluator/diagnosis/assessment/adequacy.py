@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.inference.fit import Fit
-from evaluator.diagnosis.inference.left_overs import left_overs
+from evaluator.diagnosis.inference.fitted_model import Fit, left_overs
 from evaluator.diagnosis.likelihood.linear.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evaluator.diagnosis.held_out import runs_by_command
-from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter
 from evaluator.diagnosis.likelihood.run_data import RunData
 

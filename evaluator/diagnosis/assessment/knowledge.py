@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from evaluator.diagnosis.inference.bounds import bounds
-from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START, Quantity
 from evaluator.turning.motion.curvature import Z_975
 

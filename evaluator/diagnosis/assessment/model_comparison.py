@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.free_form import PREFIX
-from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs

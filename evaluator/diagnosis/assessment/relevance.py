@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.gap import noise_floor
-from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.features import channels_of, rms_apart
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.settings import Relevant

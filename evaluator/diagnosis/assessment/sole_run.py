@@ -26,7 +26,7 @@ from evaluator.diagnosis.assessment.knowledge import DETERMINED
 from evaluator.diagnosis.assessment.model_comparison import Set, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.bounds import bounds
-from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs

@@ -26,7 +26,7 @@ from evaluator.diagnosis.design.candidate_runs import (
     commands_at,
     placed,
 )
-from evaluator.diagnosis.inference.fit import Fit, model_columns, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.features import channels_of, compression
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MIDDLE, CandidateRun, Room, placed
 from evaluator.diagnosis.design.next_runs import hypothetical
-from evaluator.diagnosis.inference.fit import prior_precision
+from evaluator.diagnosis.inference.fitted_model import prior_precision
 from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN, Quantity, quantities
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise

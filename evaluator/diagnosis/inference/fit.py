@@ -6,23 +6,20 @@ A fit that does not converge is retried with shorter steps and then reported as 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
-from functools import cached_property
+from dataclasses import astuple, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
+from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit_cache import End, question_of
-from evaluator.diagnosis.inference.left_overs import left_overs
+from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.linearized_optimum import Optimum, optimum_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import (
-    Linearized,
     MixedModel,
     Posterior,
     Reduced,
     reduce_runs,
-    run_effects,
     solve_within,
 )
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, secant, settled_by_run
@@ -65,63 +62,6 @@ CLOSING = 0.5
 # Share of the decrease that was predicted a step before. If corrected slopes predict more than this, the next step
 # seldom improves: of 45 such steps of one diagnosis, 15 of 18 below it improved, and 8 of 27 above it.
 CARRIES = 0.1
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A fitted model: its terms, point, posterior and linearization."""
-
-    terms: frozenset[str]
-    point: Point
-    columns: tuple[Column, ...]
-    posterior: Posterior
-    reduced: Reduced
-    linearized: tuple[Linearized, ...]
-    converged: bool
-    runs: tuple[int, ...]
-    steps: int = 1  # number of linearizations of all its runs
-    # predicted decrease of -2 log density that no step reached; half of it is subtracted from the evidence
-    shortfall: float = 0.0
-
-    @cached_property
-    def excess(self) -> float:
-        """Mean square of the whitened residuals: 1 for noise."""
-        theta = np.array([self.point.value(column) for column in self.columns])
-        squares, freedom = left_overs(self.linearized, self.columns, theta)
-        return float(squares.sum() / freedom.sum())
-
-    @property
-    def at_bounds(self) -> frozenset[str]:
-        """Effects with an estimate at a bound of its physical range."""
-        return frozenset(column.key for column in self.columns if is_at_bound(column, self.point.value(column)))
-
-    @property
-    def unbelieved(self) -> frozenset[str]:
-        """Effects of a size that is plausible only together with another effect, which the model lacks."""
-        sizes = [(c.term, self.point.value(c)) for c in self.columns if c.term is not None and c.coordinate == 0]
-        return frozenset(term.id for term, size in sizes if not term.believed(size, self.terms))
-
-    @property
-    def overreaches(self) -> bool:
-        """Whether some run has implausible friction or gains, which conceal the misfit of the model."""
-        per_run = run_effects(self.reduced, self.posterior.mean, self.posterior.scatter)[0]
-        return bool(np.any(np.abs(per_run) > MOST_SCATTER))
-
-    def counting(self, parameters: int) -> Fit:
-        """The fit with its evidence reduced by the BIC for parameters chosen among alternatives and not fitted."""
-        less = 0.5 * parameters * float(np.log(len(self.runs)))
-        return replace(self, posterior=replace(self.posterior, log_evidence=self.posterior.log_evidence - less))
-
-
-def model_columns(terms: Sequence[Candidate], tolerance: Mapping[str, float]) -> tuple[Column, ...]:
-    """Columns of a model: nominal values with a tolerance, then the coordinates of its terms."""
-    nominal = tuple(Column(key) for key, value in tolerance.items() if value > 0)
-    return nominal + tuple(Column(term.id, i, term) for term in terms for i in range(term.size))
-
-
-def prior_precision(columns: Sequence[Column], tolerance: Mapping[str, float]) -> Floats:
-    """1/σ² of the nominal values; 0 for effects."""
-    return np.array([tolerance[c.key] ** -2.0 if c.term is None else 0.0 for c in columns])
 
 
 def fit_model(

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.inference.fit import Fit, fit_model, prior_precision
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel
 from evaluator.diagnosis.likelihood.point import Column

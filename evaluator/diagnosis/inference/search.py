@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, Fit, fit_model
+from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Values

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNoise, Place, changed, common_drift

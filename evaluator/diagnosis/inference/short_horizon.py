@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
 from evaluator.diagnosis.inference.strategy import run_search
 from evaluator.diagnosis.likelihood.point import Point

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from evaluator.diagnosis.inference.fit import Fit
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.turning.motion.curvature import Z_975

@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from evaluator.diagnosis.inference.fit import LAGGING, Fit, fit_model
+from evaluator.diagnosis.inference.fit import LAGGING, fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.screening import Screen, screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
 from evaluator.diagnosis.likelihood.point import Point

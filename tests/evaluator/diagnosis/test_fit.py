@@ -9,7 +9,8 @@ import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search, fit_set
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated

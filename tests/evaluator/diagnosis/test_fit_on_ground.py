@@ -11,7 +11,8 @@ import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.bounds import is_at_bound
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.jumps import smooth_slope

@@ -22,7 +22,7 @@ from evaluator.diagnosis.assessment.cross_validation import (
 from evaluator.diagnosis.assessment.model_comparison import (
     predictive_score,
 )
-from evaluator.diagnosis.inference.fit import prior_precision
+from evaluator.diagnosis.inference.fitted_model import prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from tests.evaluator.diagnosis.synthetic import (
     column,

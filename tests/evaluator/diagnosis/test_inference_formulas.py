@@ -11,18 +11,11 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import fit as fits
+from evaluator.diagnosis.inference import fitted_model
 from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
-from evaluator.diagnosis.inference.fit import (
-    Fit,
-    _fitted,
-    _line_search,
-    _with_shortfall,
-    _within_bounds,
-    fit_model,
-    model_columns,
-    prior_precision,
-)
+from evaluator.diagnosis.inference.fit import _fitted, _line_search, _with_shortfall, _within_bounds, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
+from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.linearized_optimum import optimum_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, Posterior, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER
@@ -146,7 +139,7 @@ def test_friction_gains_or_start_of_a_run_that_no_run_can_have_are_overreach(
     for number in range(4):
         per_run = np.zeros((3, 4))
         per_run[1, number] = -share * MOST_SCATTER[number]
-        monkeypatch.setattr(fits, "run_effects", lambda *_, found=per_run: (found, None))
+        monkeypatch.setattr(fitted_model, "run_effects", lambda *_, found=per_run: (found, None))
         assert replace(fit(), posterior=Posterior(0.0, np.zeros(1), np.eye(1), TAU, 0.0, 0)).overreaches == beyond
 
 

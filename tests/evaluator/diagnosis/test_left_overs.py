@@ -15,7 +15,7 @@ from evaluator.diagnosis.assessment import relevance
 from evaluator.diagnosis.assessment.adequacy import _known, _order, adequacy
 from evaluator.diagnosis.assessment.gap import farthest_followed, noise_floor, rms, run_gaps
 from evaluator.diagnosis.assessment.knowledge import Knowledge, knowledge
-from evaluator.diagnosis.inference.left_overs import left_overs
+from evaluator.diagnosis.inference.fitted_model import left_overs
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized

@@ -12,7 +12,8 @@ import pytest
 from calibration.camera import PARAMETERS, Camera, camera_above
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.experiment import Session, session_of
-from evaluator.diagnosis.inference.fit import Fit, fit_model
+from evaluator.diagnosis.inference.fit import fit_model
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task
 from evaluator.diagnosis.likelihood.shared_errors import BENDS, Sighting, plane_errors, shared_errors

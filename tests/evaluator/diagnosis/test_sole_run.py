@@ -15,7 +15,7 @@ from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.candidates.coordinates import named_terms
-from evaluator.diagnosis.inference.fit import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
