@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,9 @@ Answer = TypeVar("Answer")
 DASK_TIMEOUT_S = 20.0
 # Number of retries of a job after its worker died, before the job is considered the cause.
 DASK_RETRIES = 5
+# Time without any worker after which a batch ends: workers that are started again, or moved by a queue, take less.
+WITHOUT_WORKERS_S = 120.0
+LOOK_S = 5.0  # between two questions to the scheduler whether it has workers
 
 
 def on_cluster(
@@ -32,7 +36,7 @@ def on_cluster(
     """Yield number and answer of every job, done by the workers of a Dask cluster, in the order of completion.
 
     The jobs of a worker that dies are done by the others; when_killed(job) is the answer for a job with which every
-    worker dies. Raises InputError if no scheduler answers.
+    worker dies. Raises InputError if no scheduler answers, or if it has no workers for WITHOUT_WORKERS_S.
     """
     if not jobs:
         return
@@ -43,7 +47,7 @@ def on_cluster(
         futures = [client.submit(doing, job, pure=False, retries=DASK_RETRIES) for job in jobs]
         numbers = {future.key: number for number, future in enumerate(futures)}
         try:
-            for future in as_completed(futures, waiting):
+            for future in as_completed(futures, _noticing_lost_workers(client, address, waiting)):
                 number = numbers.pop(future.key)
                 try:
                     answer = future.result()
@@ -53,6 +57,27 @@ def on_cluster(
                 yield number, answer
         finally:
             client.cancel([future for future in futures if future.key in numbers])
+
+
+def _noticing_lost_workers(client: Client, address: str, waiting: Waiting) -> Waiting:
+    """A wait that also ends if a cluster has had no worker for WITHOUT_WORKERS_S; Dask itself waits without a word."""
+    looked, without_since = time.monotonic(), math.inf
+
+    def wait() -> None:
+        nonlocal looked, without_since
+        waiting()
+        now = time.monotonic()
+        if now - looked < LOOK_S:
+            return
+        looked = now
+        without_since = math.inf if client.scheduler_info()["workers"] else min(without_since, now)
+        if now - without_since > WITHOUT_WORKERS_S:
+            raise InputError(
+                f"the Dask scheduler at {address} has lost all its workers: start some with dask worker {address}, and "
+                "repeat the command; finished work is kept"
+            )
+
+    return wait
 
 
 @contextmanager
