@@ -15,6 +15,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from evaluator.files.time_limit import LONGEST_S, is_watched
+
 CHILD = "TURNSCOPE_CHILD"  # environment variable that identifies the child
 READING = frozenset(
     "demo calibrate check-camera dots track turning analyze compare report export diagnose check selftest".split()  # noqa: SIM905
@@ -82,6 +84,11 @@ def crash_sentence(status: int, what: str) -> str:
         return (
             f"{what}: the process was killed; if nobody did so, memory ran out: close other programs, use --workers 1"
         )
+    if cause == "SIGALRM":
+        return (
+            f"{what}: a file could not be read within {LONGEST_S:g} s, it is probably damaged: "
+            "give the files one by one to find which, and write it anew"
+        )
     return (
         f"{what}: the process that read the files crashed ({cause}); one of them is probably damaged: "
         "give them one by one to find which, and write it anew, for example with ffmpeg -i OLD NEW"
@@ -99,6 +106,7 @@ def live_as_child() -> None:
         if not again:
             raise KeyboardInterrupt
 
+    is_watched()
     signal.signal(signal.SIGINT, interrupt)
     threading.Thread(target=_watch, args=(int(os.environ.get(CHILD) or 0),), daemon=True).start()
 

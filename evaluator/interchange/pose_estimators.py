@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.files.time_limit import limited
 from evaluator.interchange.named_points import FileHints, NamedPoints
 
 Array = NDArray[np.float64]
@@ -46,8 +47,9 @@ def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
 def read_binary(path: Path, said: FileHints) -> NamedPoints:
     """HDF5 of SLEAP or DeepLabCut, or netCDF of movement."""
     with path.open("rb") as file:
-        found = _read_hdf5(path, said) if file.read(4) == b"\x89HDF" else None
-    return found or _read_movement(path, said)
+        is_hdf5 = file.read(4) == b"\x89HDF"
+    with limited():  # a damaged file can make HDF5 loop without end
+        return (_read_hdf5(path, said) if is_hdf5 else None) or _read_movement(path, said)
 
 
 def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:

@@ -26,6 +26,30 @@ def test_a_process_that_crashes_is_one_sentence_and_status_2(name: str, capsys: 
     assert len(said.splitlines()) == 1
 
 
+LOOPING = """
+import re, sys
+from evaluator.files import time_limit
+if sys.argv[1] == "watched":
+    time_limit.is_watched()
+with time_limit.limited(0.2):  # a loop in native code, which neither a thread nor an exception interrupts
+    re.match("(a+)+$", "a" * int(sys.argv[2]) + "b")
+print("read")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no alarm")
+def test_a_reader_that_does_not_return_ends_in_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
+    what = "turnscope turning a.h5"
+    assert wait_for([sys.executable, "-c", LOOPING, "watched", "60"], what) == 2
+    assert capfd.readouterr().err == (
+        "error: turnscope turning a.h5: a file could not be read within 60 s, it is probably damaged: "
+        "give the files one by one to find which, and write it anew\n"
+    )
+    assert wait_for([sys.executable, "-c", LOOPING, "watched", "3"], what) == 0
+    assert wait_for([sys.executable, "-c", LOOPING, "by itself", "22"], what) == 0  # longer, in a notebook for example
+    assert capfd.readouterr().out == "read\nread\n"
+
+
 def test_the_child_passes_its_status_on() -> None:
     assert wait_for([sys.executable, "-c", "raise SystemExit(1)"], "") == 1
 

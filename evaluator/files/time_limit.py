@@ -1,0 +1,45 @@
+"""A limit for readers of native libraries that can loop without end in a damaged file.
+
+Neither an exception nor a thread ends such a loop, because the library does not return to Python. The alarm of the
+operating system ends the process, whose parent reports it in one sentence. Therefore the limit holds only in processes
+that may die: the child of a command, and workers. Windows has no such alarm.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+# The largest table that is read (pose_estimators.MOST_NUMBERS, 400 MB) takes some seconds from a slow disk.
+LONGEST_S = 60.0
+
+
+class _ThisProcess:
+    """Whether another process reports the end of this one."""
+
+    is_watched = False
+
+
+def is_watched() -> None:
+    """State that this process was started to read files, and that its parent reports its end."""
+    _ThisProcess.is_watched = True
+
+
+@contextmanager
+def limited(seconds: float = LONGEST_S) -> Iterator[None]:
+    """Context in which a process that may die is ended by an alarm after this time; elsewhere without effect."""
+    from multiprocessing import parent_process
+
+    may_die = _ThisProcess.is_watched or parent_process() is not None
+    if not (may_die and hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()):
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
