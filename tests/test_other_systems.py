@@ -15,7 +15,11 @@ NAMES = {
     *("SIGALRM", "SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "alarm", "setitimer", "sigwaitinfo"),
 }
 # Where the operating system is dealt with; each asks first whether it has what is used.
-KEEPERS = {"evaluator/workflow/execution/machine.py", "calibration/compilation/cache.py"}
+KEEPERS = {
+    "evaluator/workflow/execution/machine.py",
+    "evaluator/files/time_limit.py",
+    "calibration/compilation/cache.py",
+}
 
 HIDDEN = f"""
 import importlib.abc, os, signal, sys

@@ -175,8 +175,8 @@ def test_an_effect_that_relieves_the_value_like_it_need_not_predict_commands_lef
     assert carries_over(search, frozenset({effect})) == carries
 
 
-@pytest.mark.parametrize(("free", "answer"), [(0.5, "unknown"), (-0.5, "none")])
-def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
+@pytest.mark.parametrize(("free", "answer"), [(8.1, "unknown"), (7.9, "none")])
+def test_a_free_term_that_predicts_must_also_gain_what_an_effect_needs(
     free: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, table = ranked(monkeypatch, {FREE: free, NONE: 0.0})
@@ -184,6 +184,18 @@ def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
     found = decide(search, table, 95, NONE)
     assert found[1] == answer
     assert found[0] == (FREE if answer == "unknown" else NONE)
+
+
+@pytest.mark.parametrize(
+    ("free", "predicts", "answer"), [(28.2, True, "unknown"), (27.9, True, "effect"), (28.2, False, "effect")]
+)
+def test_a_free_term_in_place_of_an_effect_is_less_probable_and_counts_if_it_predicts_better(
+    free: float, predicts: bool, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By 30 to 28.2 it has 14 % of the probability, which is no doubt by itself."""
+    search, table = ranked(monkeypatch, {AB: 30.0, A: 20.0, FREE | A: free, NONE: 0.0})
+    monkeypatch.setattr(verdict, "_predicts", lambda *_: predicts)
+    assert decide(search, table, 95, AB)[1] == answer
 
 
 @pytest.mark.parametrize(
@@ -196,7 +208,8 @@ def test_a_free_term_that_predicts_must_also_be_more_probable_than_nothing(
             A,
             "effect",
         ),  # the answer does, its likeliest extension does not
-        ({FREE: 6.0, A: 5.0, NONE: 0.0}, NONE, B, "unknown"),
+        ({AB: 30.0, A: 20.0, FREE | A: 28.2, NONE: 0.0}, AB, AB, "effect"),
+        ({AB: 30.0, A: 20.0, FREE | A: 28.2, NONE: 0.0}, AB, B, "unknown"),
     ],
 )
 def test_a_free_term_must_predict_better_than_the_answer_and_than_the_likeliest_named_effects(
