@@ -295,5 +295,10 @@ def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -
         Judgement([Alternative(None, run)], np.array([1.0]), 10.0, speeds[0]) for run in to_the_left + to_the_right
     ]
     assert _without_regimes(misread(0, 1, 2), turns) == misread(2)  # the right wheel is driven fast in both
+    ratios = [((10.5, 70.0),), ((15.0, 100.0),), ((15.0, 100.0),), ((30.0, 30.0),), ((40.0, 40.0),)]
+    seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, pairs) for k, pairs in enumerate(ratios)]
+    assert _without_regimes(misread(0, 1, 2), seen) == []  # turns on the spot, of which none fits
+    assert _without_regimes(misread(0, 1), seen) == misread(0, 1)  # another one fits
+    assert _without_regimes(misread(3, 4), seen) == misread(3, 4)  # straight runs have no ratio of their own
     swapped = Found("r0", "sides-swapped", "turns", "exchange")
     assert _without_regimes([swapped, *misread(1)], seen) == [swapped, *misread(1)]
