@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import cv2
@@ -62,7 +63,11 @@ def drawn(names: dict[str, str], scale: float = 1.0) -> list[Image]:
     ]
 
 
-IMAGES = drawn({"green": "green", "yellow": "yellow"})
+@cache
+def as_drawn() -> list[Image]:
+    return drawn({"green": "green", "yellow": "yellow"})
+
+
 MIDDLE = ((SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2)
 
 
@@ -71,25 +76,27 @@ def frames(images: Iterable[Image]) -> list[Frame]:
 
 
 def as_filmed() -> Clip:
-    return Clip(frames(IMAGES), camera(SIZE, MIDDLE), PLACES)
+    return Clip(frames(as_drawn()), camera(SIZE, MIDDLE), PLACES)
 
 
 def turned(quarters: int) -> Clip:
     size = SIZE[::-1] if quarters % 2 else SIZE
     principal = ((size[0] - 1) / 2, (size[1] - 1) / 2)
     return Clip(
-        frames(np.rot90(image, quarters) for image in IMAGES), camera(size, principal, quarters=quarters), PLACES
+        frames(np.rot90(image, quarters) for image in as_drawn()), camera(size, principal, quarters=quarters), PLACES
     )
 
 
 def panned() -> Clip:
     """The camera looks 12 px to the left and 7 px up: the image has moved to the right and down."""
-    moved = (np.pad(image, ((7, 0), (12, 0), (0, 0)), mode="edge")[: SIZE[1], : SIZE[0]] for image in IMAGES)
+    moved = (np.pad(image, ((7, 0), (12, 0), (0, 0)), mode="edge")[: SIZE[1], : SIZE[0]] for image in as_drawn())
     return Clip(frames(moved), camera(SIZE, (MIDDLE[0] + 12, MIDDLE[1] + 7)), PLACES)
 
 
 def later() -> Clip:
-    return Clip([replace(frame, ticks=frame.ticks + 7200) for frame in frames(IMAGES)], camera(SIZE, MIDDLE), PLACES)
+    return Clip(
+        [replace(frame, ticks=frame.ticks + 7200) for frame in frames(as_drawn())], camera(SIZE, MIDDLE), PLACES
+    )
 
 
 def measured(clip: Clip) -> Turning:
@@ -135,7 +142,7 @@ def test_a_recording_that_is_turned_moved_or_later_gives_the_same_motion_on_the_
 
 def test_a_mirrored_recording_shows_the_mirrored_robot_turning_the_other_way(plain: Turning) -> None:
     mirrored = {name: (x, -y) for name, (x, y) in PLACES.items()}
-    found = measured(Clip(frames(image[:, ::-1] for image in IMAGES), camera(SIZE, MIDDLE), mirrored))
+    found = measured(Clip(frames(image[:, ::-1] for image in as_drawn()), camera(SIZE, MIDDLE), mirrored))
     assert found.radius_mm == pytest.approx(plain.radius_mm, rel=2e-4)
     assert found.speed_mm_s == pytest.approx(plain.speed_mm_s, rel=2e-4)
     assert found.yaw_rate_deg_s == pytest.approx(-plain.yaw_rate_deg_s, rel=2e-4)
@@ -167,12 +174,12 @@ def test_colours_exchanged_together_with_their_places_on_the_robot_agree(plain: 
 
 
 def test_half_the_frames_with_their_times_agree(plain: Turning) -> None:
-    every = [replace(frame, index=k // 2) for k, frame in enumerate(frames(IMAGES)) if k % 2 == 0]
+    every = [replace(frame, index=k // 2) for k, frame in enumerate(frames(as_drawn())) if k % 2 == 0]
     found = measured(Clip(every, camera(SIZE, MIDDLE), PLACES))
     agree(found, plain)
     assert found.radius_random_mm > plain.radius_random_mm
 
 
 def test_a_darker_recording_agrees(plain: Turning) -> None:
-    darker = [np.rint(0.7 * image).astype(np.uint8) for image in IMAGES]
+    darker = [np.rint(0.7 * image).astype(np.uint8) for image in as_drawn()]
     agree(measured(Clip(frames(darker), camera(SIZE, MIDDLE), PLACES)), plain)

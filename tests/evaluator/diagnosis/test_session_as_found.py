@@ -21,27 +21,27 @@ TIME = np.arange(240) / 60
 START = (3.0, -2.0, 0.7, 0.0, 0.0, 0.0, 0.0)
 
 
-def turn() -> RunData:
-    """Four seconds of a turn as the robot file says, without noise."""
-    blank = RunData("r0", 33.3, 14.4, 0.5, None, TIME, np.zeros((len(TIME), 4)), 0)
-    (marks,) = Simulated([ROBOT], [blank], {}).marks([Task(0, START)])
-    return RunData("r0", 33.3, 14.4, 0.5, None, TIME, marks, 0)
-
-
-RUN = turn()
-KNOWN = quantities(KnownTo(), ROBOT, [RUN])
+BLANK = RunData("r0", 33.3, 14.4, 0.5, None, TIME, np.zeros((len(TIME), 4)), 0)
+KNOWN = quantities(KnownTo(), ROBOT, [BLANK])
 SHARED = [item.key for item in KNOWN if "." not in item.key]
 
 
+@pytest.fixture(scope="module")
+def turn() -> RunData:
+    """Four seconds of a turn as the robot file says, without noise."""
+    (marks,) = Simulated([ROBOT], [BLANK], {}).marks([Task(0, START)])
+    return replace(BLANK, marks_mm=marks)
+
+
 @pytest.mark.parametrize("key", SHARED)
-def test_a_quantity_of_the_session_moves_predicted_marks_as_in_the_fit(key: str) -> None:
+def test_a_quantity_of_the_session_moves_predicted_marks_as_in_the_fit(key: str, turn: RunData) -> None:
     item = next(item for item in KNOWN if item.key == key)
     nominal = {key: 2 * item.tolerance}
-    fitted = Simulated([ROBOT], [RUN], {}, predicted_sigmas(KNOWN)).marks([Task(0, START, nominal)])[0]
+    fitted = Simulated([ROBOT], [turn], {}, predicted_sigmas(KNOWN)).marks([Task(0, START, nominal)])[0]
     point = Point(np.zeros((1, PER_RUN)), nominal)
     robot = with_session(ROBOT, KNOWN, point)
-    predicted = Simulated([robot], later_started([RUN], KNOWN, point), {}).marks([Task(0, START)])[0]
-    moved = float(np.abs(fitted - RUN.marks_mm).max())
+    predicted = Simulated([robot], later_started([turn], KNOWN, point), {}).marks([Task(0, START)])[0]
+    moved = float(np.abs(fitted - turn.marks_mm).max())
     assert moved > 1e-4
     if key.startswith(("green", "yellow")):  # as one rigid shift: the distance of the marks stays
         fitted, predicted = (np.column_stack([m[:, :2] + m[:, 2:], _line(m)]) for m in (fitted, predicted))
@@ -49,14 +49,16 @@ def test_a_quantity_of_the_session_moves_predicted_marks_as_in_the_fit(key: str)
 
 
 @pytest.mark.parametrize("key", ["plane_scale", "green_x_mm", "green_y_mm", "yellow_y_mm"])
-def test_what_is_only_seen_moves_predicted_marks_alike_whatever_the_noise_of_those_measured(key: str) -> None:
+def test_what_is_only_seen_moves_predicted_marks_alike_whatever_the_noise_of_those_measured(
+    key: str, turn: RunData
+) -> None:
     """Marks moved along their measured line explained the noise of its direction: a lie in straight runs."""
     nominal = {key: 5 * next(item.tolerance for item in KNOWN if item.key == key)}
-    noise = np.random.default_rng(1).normal(0, 0.2, RUN.marks_mm.shape)
+    noise = np.random.default_rng(1).normal(0, 0.2, turn.marks_mm.shape)
     found = []
-    for run in (RUN, replace(RUN, marks_mm=RUN.marks_mm + noise)):
+    for run in (turn, replace(turn, marks_mm=turn.marks_mm + noise)):
         found += Simulated([ROBOT], [run], {}, predicted_sigmas(KNOWN)).marks([Task(0, START, nominal)])
-    assert np.abs(found[0] - RUN.marks_mm).max() > 1e-3
+    assert np.abs(found[0] - turn.marks_mm).max() > 1e-3
     np.testing.assert_array_equal(*found)
 
 
@@ -81,15 +83,15 @@ def test_an_effect_that_the_session_has_too_stands_once_and_does_what_both_do() 
     assert found["plate-tilt"]["azimuth_deg"] == pytest.approx(np.degrees(np.arctan2(4.0, level)))
 
 
-def test_a_session_as_its_files_say_changes_nothing() -> None:
+def test_a_session_as_its_files_say_changes_nothing(turn: RunData) -> None:
     point = Point(np.zeros((1, PER_RUN)))
     assert with_session(ROBOT, KNOWN, point) == ROBOT
-    assert later_started([RUN], KNOWN, point) == (RUN,)
+    assert later_started([turn], KNOWN, point) == (turn,)
 
 
-def test_a_run_of_a_session_that_starts_late_starts_later_by_as_much() -> None:
+def test_a_run_of_a_session_that_starts_late_starts_later_by_as_much(turn: RunData) -> None:
     late = next(item for item in KNOWN if item.key == "start_common_s")
     point = Point(np.zeros((1, PER_RUN)), {late.key: 2 * late.tolerance})
-    (moved,) = later_started([RUN], KNOWN, point)
-    assert moved.start_s == pytest.approx(RUN.start_s + 2 * late.tolerance * late.per_unit)
+    (moved,) = later_started([turn], KNOWN, point)
+    assert moved.start_s == pytest.approx(turn.start_s + 2 * late.tolerance * late.per_unit)
     assert moved.run_command.command.at(moved.start_s - 1e-6) == (0.0, 0.0)
