@@ -150,6 +150,9 @@ function bench({ found, gauge, solved }, { known, choice, signal, shown: first, 
   return { box, solve };
 }
 
+// A sentence with its full stop, which the verdict's file leaves out.
+const stopped = (text) => (/[.!?]$/.test(text) ? text : `${text}.`);
+
 function sentence(dots) {
   const count = dots.of_array.filter(Boolean).length;
   if (!count) return "No regular array of dots was found. Is the gauge in the image, lit evenly, and not cut off?";
@@ -195,7 +198,7 @@ function verdict(found, signal, { guide, covered }) {
   chart.canvas.style.aspectRatio = `${found.size_px[0]} / ${found.size_px[1]}`;
   const box = h("div", { class: "card stack verdict" },
     h("div", { class: "row" }, h("h2", { style: { margin: 0 } }, "Verdict"), h("span", { class: `tag ${said.level === "sound" ? "good" : "warn"}` }, said.level)),
-    h("p", {}, said.summary.replace(`${said.level}: `, "")), [...said.reasons, ...said.next_steps, ...said.notes].map((text) => h("p", { class: "small" }, text)),
+    h("p", {}, stopped(said.summary.replace(`${said.level}: `, ""))), [...said.reasons, ...said.next_steps, ...said.notes].map((text) => h("p", { class: "small" }, stopped(text))),
     h("p", { class: "small soft" }, `${counted(found.images.length, "image")}, residual ${fixed(found.rms_px, 3)} px RMS; dots cover ${Math.round(100 * said.coverage)} % of the image.`),
     found.next_image ? h("p", {}, `Most useful further image: ${found.next_image.sentence}. `, h("label", {}, h("input", { type: "checkbox", onchange: (event) => guide(event.target.checked) }), " show its outline")) : null,
     h("h3", {}, `Standard uncertainty of a position ${num(map.height_mm)} mm above the plate, relative to the middle of the image`), chart.canvas, h("p", { class: "small soft" }, `Colour: from ${num(least)} µm (weak) to ${num(most)} µm (full), 1 sigma. Points: dots of the images in use, which show what is covered.`));

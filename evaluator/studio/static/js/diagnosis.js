@@ -70,7 +70,7 @@ function mistakes(content, id, load, undo) {
   return h("section", { class: "card warned" }, h("h2", {}, "Mistakes in the experiment"),
     content.mistakes.map((one) => h("div", { class: "row end" }, h("p", {}, one.sentence),
       MENDED[one.kind] ? h("button", { onclick: mend(one) }, MENDED[one.kind]) : h("a", { class: "button", href: `#/x/${id}/runs/${encodeURIComponent(one.runs[0])}` }, "See the run"))),
-    h("div", { class: "row end" }, h("p", {}, "Or correct all of them in a copy; runs that cannot be corrected are left out."), h("button", { onclick: copy }, "Write a mended experiment")));
+    h("div", { class: "row end" }, h("p", {}, "All of them can be corrected in a copy of the experiment; it leaves out the runs that cannot be corrected."), h("button", { onclick: copy }, "Write a mended experiment")));
 }
 
 // said: words and unit of a parameter, as the catalogue has them.
@@ -93,7 +93,7 @@ function add(found, id, load, undo) {
   const write = () => undo.make(async () => {
     try {
       await post(`/api/experiments/${id}/robot`, { version: found.robot.version });
-      say(`The effect is in ${found.robot.path}. Analyse again to see the gap shrink.`, true);
+      say(`The effect is now in ${found.robot.path}. Analyse again to see the gap that remains.`, true);
     } catch (error) {
       say(error);
       if (error.status !== 409) return;

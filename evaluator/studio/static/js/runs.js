@@ -74,7 +74,7 @@ export async function show(view, { id, rest, signal }) {
     const todo = outdated ? Object.values(outdated).filter((steps) => steps.length).length : null;
     fill(work,
       no_camera && h("a", { class: "button", href: `#/x/${id}/camera` }, "Calibrate the camera"),
-      h("button", { class: todo === 0 ? "" : "main", disabled: idle, onclick: start("analyse"), title: fault ? "Mend what is marked in the table first" : "Track, measure and simulate every run that is not up to date" },
+      h("button", { class: todo === 0 ? "" : "main", disabled: idle, onclick: start("analyse"), title: fault ? "Correct the marked cells of the table first" : "Track, measure and simulate every run that is not up to date" },
         job ? "Working …" : todo ? `Analyse ${todo} of ${found.rows.length} runs` : "Analyse"),
       h("button", { class: todo === 0 ? "main" : "", disabled: idle, onclick: start("diagnose"), title: "Find the effect that the model lacks" }, "Diagnose"));
   };
