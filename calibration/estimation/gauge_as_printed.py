@@ -117,3 +117,21 @@ def stretched(gauge: Gauge, excess: float) -> Gauge:
     scale = float(np.hypot(gauge.scale_sigma, excess / 2))
     dots = gauge.dots.model_copy(update={"pitch_mm": pitch})
     return gauge.model_copy(update={"dots": dots, "tolerance": gauge.tolerance.model_copy(update={"scale": scale})})
+
+
+def excess_found(found: Gauge, stated: Gauge) -> float | None:
+    """The excess with which `stretched` makes the gauge of a calibration from that of a file; None if none does.
+
+    0 for two equal gauges.
+    """
+    if found == stated:
+        return 0.0
+    along, down = np.array(found.pitch_mm) / stated.pitch_mm
+    excess = float(along - down)
+    made = stretched(stated, excess)
+    # Rounding of the quotients is 1e-16; the smallest stretch that images show is 1e-5.
+    if not np.allclose((*made.pitch_mm, made.scale_sigma), (*found.pitch_mm, found.scale_sigma), rtol=1e-9, atol=0.0):
+        return None
+    dots = made.dots.model_copy(update={"pitch_mm": found.dots.pitch_mm})
+    tolerance = made.tolerance.model_copy(update={"scale": found.tolerance.scale})
+    return excess if made.model_copy(update={"dots": dots, "tolerance": tolerance}) == found else None

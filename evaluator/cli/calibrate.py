@@ -134,13 +134,16 @@ def check_camera(
     """
     from calibration.assessment.camera_check import check_camera as check
     from calibration.detection.image import read_image
+    from calibration.estimation.gauge_as_printed import excess_found
     from calibration.gauge.geometry import load_gauge
     from calibration.store import load_camera_file
     from evaluator.files import read_with
 
     stored = read_with(load_camera_file, camera_file)
     gauge = stored.gauge if gauge_file is None else read_with(load_gauge, gauge_file)
-    bent = stored.flatness is not None and stored.flatness.used and gauge == stored.gauge
+    excess = excess_found(stored.gauge, gauge)
+    gauge = gauge if excess is None else stored.gauge
+    bent = stored.flatness is not None and stored.flatness.used and excess is not None
     image = read_image(image_file)
     if annotate is not None:
         from evaluator.report.pages.calibration import write_plate_axes
@@ -151,7 +154,7 @@ def check_camera(
         gauge,
         image,
         name=str(image_file),
-        gauge_is_known=gauge == stored.gauge,
+        gauge_is_known=excess is not None,
         variance=stored.variance,
         height_mm=stored.verdict.mark_height_mm,
         face_mm=stored.flatness.coefficients_mm if bent and stored.flatness is not None else (),
@@ -162,6 +165,12 @@ def check_camera(
     click.echo(found.summary)
     if annotate is not None:
         click.echo(f"written: {annotate}")
+    if excess:
+        longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
+        click.echo(
+            f"note: the gauge of {gauge_file} was {100 * abs(excess):.2g} % longer along {longer} than {shorter} in "
+            "the images of the calibration; the check takes it as they showed it"
+        )
     if stored.verdict.level != "sound":
         click.echo(f"note: the calibration itself is {stored.verdict.summary}")
     context.exit(1 if found.outcome == "no longer holds" else 0)

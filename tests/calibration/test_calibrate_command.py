@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from calibration.assignment.lattice import Lattice, array_size
 from calibration.camera import camera_above
+from calibration.estimation.gauge_as_printed import stretched
 from calibration.gauge.geometry import load_gauge
 from evaluator.cli.calibrate import calibrate, check_camera, dots
 from tests.calibration.drawing import draw_gauge, random_poses
@@ -55,6 +56,20 @@ def test_images_become_camera_page_and_verdict(folder: Path) -> None:
     assert cv2.imread(str(axes)).shape == (300, 400, 3)
     assert checked.exit_code == 0, checked.output
     assert "the calibration holds" in checked.output
+
+
+def test_calibration_of_a_stretched_gauge_holds_for_the_file_that_states_one_pitch(folder: Path) -> None:
+    stated = load_gauge(folder / "gauge.toml")
+    camera, rng = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, tilt_deg=4), np.random.default_rng(5)
+    images = [str(folder / f"long{k}.png") for k in range(4)]
+    for path, view in zip(images, random_poses(camera, 4, rng, tilt_deg=25, shift_mm=2), strict=True):
+        cv2.imwrite(path, draw_gauge(view, stretched(stated, 0.006), rng=rng, snr=50))
+    file, out = str(folder / "gauge.toml"), str(folder / "long.json")
+    assert CliRunner().invoke(calibrate, [*images, "--gauge", file, "-o", out, "--no-page"]).exit_code == 0
+    checked = CliRunner().invoke(check_camera, [out, images[0], "--gauge", file])
+    assert checked.exit_code == 0, checked.output
+    assert "the calibration holds" in checked.output
+    assert "% longer along columns than rows in the images of the calibration" in checked.output
 
 
 def test_plate_image_named_by_option_defines_the_frame(folder: Path) -> None:

@@ -11,7 +11,7 @@ from calibration.assessment.quality import assess
 from calibration.camera import camera_above
 from calibration.estimation.bundle_adjustment import solve
 from calibration.estimation.calibrate import calibrate
-from calibration.estimation.gauge_as_printed import stretch, stretched
+from calibration.estimation.gauge_as_printed import excess_found, stretch, stretched
 from tests.calibration.bundles import FREE, GAUGE, LOOSE, bundle
 from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
@@ -52,6 +52,18 @@ def test_stretched_gauge_keeps_its_mean_pitch_and_counts_half_its_stretch_as_unc
     found = stretched(gauge_of(pitch_tolerance_percent=0.1), 0.004)
     assert found.pitch_mm == pytest.approx((3.006, 2.994))
     assert found.scale_sigma == pytest.approx(np.hypot(0.001, 0.002))
+
+
+def test_gauge_of_a_calibration_is_recognised_in_its_file_and_another_one_is_not() -> None:
+    stated = gauge_of(pitch_mm=3.1)
+    assert excess_found(stated, stated) == 0.0
+    for excess in (0.0123, -0.0004):
+        assert excess_found(stretched(stated, excess), stated) == pytest.approx(excess)
+    longer = gauge_of(pitch_mm=3.11)
+    assert excess_found(longer, stated) is None  # another size
+    assert excess_found(stretched(longer, 0.004), stated) is None
+    assert excess_found(gauge_of(pitch_mm=(3.106, 3.094)), stated) is None  # stated by the user, not found
+    assert excess_found(stretched(gauge_of(pitch_mm=3.1, diameter_mm=1.3), 0.004), stated) is None
 
 
 def test_sheet_printed_too_long_one_way_gives_the_camera_as_it_is() -> None:
