@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from evaluator.files.time_limit import LONGEST_S, is_watched
+from evaluator.files.time_limit import LONGEST_S, mark_as_watched
 
 CHILD = "TURNSCOPE_CHILD"  # environment variable that identifies the child
 READING = frozenset(
@@ -106,7 +106,7 @@ def live_as_child() -> None:
         if not again:
             raise KeyboardInterrupt
 
-    is_watched()
+    mark_as_watched()
     signal.signal(signal.SIGINT, interrupt)
     threading.Thread(target=_watch, args=(int(os.environ.get(CHILD) or 0),), daemon=True).start()
 

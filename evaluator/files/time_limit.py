@@ -22,7 +22,7 @@ class _ThisProcess:
     is_watched = False
 
 
-def is_watched() -> None:
+def mark_as_watched() -> None:
     """State that this process was started to read files, and that its parent reports its end."""
     _ThisProcess.is_watched = True
 

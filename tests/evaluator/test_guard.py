@@ -30,8 +30,8 @@ LOOPING = """
 import re, sys
 from evaluator.files import time_limit
 if sys.argv[1] == "watched":
-    time_limit.is_watched()
-with time_limit.limited(0.2):  # a loop in native code, which neither a thread nor an exception interrupts
+    time_limit.mark_as_watched()
+with time_limit.limited(float(sys.argv[3])):  # of a loop in native code, which no thread interrupts
     re.match("(a+)+$", "a" * int(sys.argv[2]) + "b")
 print("read")
 """
@@ -40,13 +40,13 @@ print("read")
 @pytest.mark.skipif(sys.platform == "win32", reason="has no alarm")
 def test_a_reader_that_does_not_return_ends_in_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
     what = "turnscope turning a.h5"
-    assert wait_for([sys.executable, "-c", LOOPING, "watched", "60"], what) == 2
+    assert wait_for([sys.executable, "-c", LOOPING, "watched", "60", "0.2"], what) == 2
     assert capfd.readouterr().err == (
         "error: turnscope turning a.h5: a file could not be read within 60 s, it is probably damaged: "
         "give the files one by one to find which, and write it anew\n"
     )
-    assert wait_for([sys.executable, "-c", LOOPING, "watched", "3"], what) == 0
-    assert wait_for([sys.executable, "-c", LOOPING, "by itself", "22"], what) == 0  # longer, in a notebook for example
+    assert wait_for([sys.executable, "-c", LOOPING, "watched", "3", "30"], what) == 0
+    assert wait_for([sys.executable, "-c", LOOPING, "by itself", "20", "0.001"], what) == 0  # longer: in a notebook
     assert capfd.readouterr().out == "read\nread\n"
 
 
