@@ -50,9 +50,12 @@ def test_tab_leads_through_one_row_to_its_recording(studio: Serving, open_page: 
         page.locator("[aria-label='Frame of left']").wait_for()
         go_to(page, "Frame of left")
         go_to(page, "notes, run left", "Shift+Tab")
+        assert page.locator("[aria-label='Frame of right']").count() == 0
         page.keyboard.press("ArrowDown")
         page.locator("[aria-label='Frame of right']").wait_for()
+        assert page.evaluate(NAME) == "notes, run right"  # the arrow has moved the focus one row down
         go_to(page, "Frame of right")
+        assert page.locator("[aria-label='Frame of left']").count() == 0
 
 
 def test_what_is_drawn_anew_keeps_the_focus_and_the_chosen_images(

@@ -120,7 +120,9 @@ def test_pasted_rows_and_faults_in_place(studio: Serving, open_page: OpenPage) -
         assert page.locator("td.fault input[data-row='2'][data-key='right_rpm']").count() == 1
 
 
-def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, open_page: OpenPage) -> None:
+def test_a_tab_is_told_and_shows_what_another_wrote_and_does_not_write_over_it(
+    studio: Serving, tmp_path: Path, open_page: OpenPage
+) -> None:
     from playwright.sync_api import expect
 
     with open_page(studio.link) as page:
@@ -135,6 +137,9 @@ def test_the_second_tab_is_told_and_shows_what_the_first_wrote(studio: Serving, 
         page.keyboard.press("Enter")
         page.locator("#said", has_text="changed meanwhile").wait_for()
         expect(page.get_by_label("group, run left")).to_have_value("second tab")
+    text = (tmp_path / "folder" / "experiment.toml").read_text()
+    assert 'group = "second tab"' in text
+    assert "first tab" not in text
 
 
 def test_no_screen_is_wider_than_its_window_and_all_controls_have_names(studio: Serving, open_page: OpenPage) -> None:

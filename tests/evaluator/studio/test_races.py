@@ -39,8 +39,6 @@ def diagnosed(folder: Path) -> None:
 def test_work_that_ends_while_its_screen_loads_is_shown_and_no_older_answer_after_it(
     studio: Serving, tmp_path: Path, open_page: OpenPage
 ) -> None:
-    from playwright.sync_api import expect
-
     identifier = studio.get("/api/home")["experiments"][0]["id"]
     job = {"number": 1, "kind": "diagnose", "experiment": identifier, "target": "experiment.toml", "share": 0.5}
     with open_page(studio.link) as page:
@@ -51,11 +49,10 @@ def test_work_that_ends_while_its_screen_loads_is_shown_and_no_older_answer_afte
         page.wait_for_function("() => window.go")  # the screen is about to be told that there is no diagnosis
         diagnosed(tmp_path / "folder" / "out")
         page.evaluate("(jobs) => window.tell(jobs)", [{**job, "state": "done"}])
-        heading = page.locator("h1", has_text="No effect is missing")
-        heading.wait_for()
+        page.locator("h1", has_text="No effect is missing").wait_for()
         page.evaluate("window.go()")
         page.wait_for_function("() => window.gone")
-        expect(heading).to_be_visible()
+        assert page.locator("h1").all_inner_texts() == ["No effect is missing"]
 
 
 def test_the_mask_of_a_frame_is_drawn_on_no_other(studio: Serving, open_page: OpenPage) -> None:
@@ -131,6 +128,9 @@ def test_a_studio_that_was_ended_is_said_in_a_sentence(studio: Serving, open_pag
         page.route("**/*", lambda route: route.abort())
         page.get_by_role("link", name="Sandbox").click()
         page.locator("#main", has_text="The studio does not answer").wait_for()
+        assert page.locator("#main p").first.inner_text() == (
+            "The studio does not answer; start `turnscope studio` again. Nothing is lost."
+        )
 
 
 def test_a_click_is_not_lost_when_its_button_is_drawn_anew_before_it_is_let_go(
