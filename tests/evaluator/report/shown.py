@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 
 from evaluator.report.runs import RunView
@@ -56,3 +57,18 @@ def undrawn(monkeypatch: pytest.MonkeyPatch, *modules: ModuleType) -> list[Magic
     for module in modules:
         monkeypatch.setattr(module, "drawing", drawing)
     return used
+
+
+def lines(axes: MagicMock) -> list[tuple[list[float], list[float]]]:
+    """Coordinates of all lines and points, in the order in which they are drawn."""
+    return [tuple(np.ravel(part).tolist() for part in call.args[:2]) for call in axes.plot.call_args_list]  # type: ignore[misc]
+
+
+def labels(axes: MagicMock) -> tuple[str, str]:
+    """Words at both axes."""
+    return axes.set_xlabel.call_args.args[0], axes.set_ylabel.call_args.args[0]
+
+
+def limits(axes: MagicMock) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Bounds of both axes."""
+    return axes.set_xlim.call_args.args, axes.set_ylim.call_args.args
