@@ -190,7 +190,8 @@ def decide(
             reason = f"a model with {what} fits better, but predicts held-out commands no better than chance"
             return named, "insufficient", f"{reason}: runs of more commands are needed"
     if named:
-        return named, "effect", "each effect is significant by itself, and no free-form term explains more"
+        which = "the effect is significant" if len(named) == 1 else "each effect is significant by itself"
+        return named, "effect", f"{which}, and no free-form term explains more"
     return named, "none", "the model explains the data within noise and tolerances"
 
 

@@ -78,9 +78,9 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
         for name in ("mark_position_mm", "center_of_gravity_mm")
     )
     found = [
-        _shared(START, "start of motion, all runs", "s", common_s),
-        _shared(CLOCK, "seconds of the recording", "1", known.time_base),
-        _shared(SCALE, "millimetres of the plate", "1", known.plane_scale),
+        _shared(START, "start of motion in all runs", "s", common_s),
+        _shared(CLOCK, "clock rate of the recording", "1", known.time_base),
+        _shared(SCALE, "scale of lengths on the plate", "1", known.plane_scale),
         *(
             _shared(key, f"level of the plate along {axis}", "deg", level)
             for key, axis in zip(LEVEL, "xy", strict=True)

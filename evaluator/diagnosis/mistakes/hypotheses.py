@@ -214,7 +214,9 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     kind = next((kind for kind in near if kind in usual), next(iter(near)))
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
-    seen = f"{words} (simulated so {best:.2g} mm from its marks, as stated in the file {stated:.2g} mm)"
+    seen = (
+        f"{words} (distance of simulated and measured marks: {best:.2g} mm then, {stated:.2g} mm as stated in the file)"
+    )
     remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
     return Found(ways[0].run.id, kind, seen, remedy, others, correction_to(near[kind][1], ways[0]))
 

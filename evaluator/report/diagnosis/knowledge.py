@@ -65,9 +65,12 @@ def predicted_sentence(content: Json) -> str:
     parts = [text for text in (change("fit", "fitted runs"), change("held_out", "held-out runs")) if text]
     if not parts:
         return without and f"No run can be predicted from its start pose alone.{without}"
-    meaning = "no parameter of a run fitted; common start, clock, scale, level and mark offsets from the fitted runs"
+    common = (
+        "Values common to all runs (start of motion, clock, scale, level, mark offsets) are those of the fitted runs."
+    )
     changes = "changes" if parts[0].startswith("from") else "is"
-    return f"Predicted from the start pose alone ({meaning}), the distance {changes} {' and '.join(parts)}.{without}"
+    how = "Predicted from the start poses alone, with nothing fitted to single runs"
+    return f"{how}, the distance {changes} {' and '.join(parts)}. {common}{without}"
 
 
 def knowledge_section(content: Json) -> Section | None:

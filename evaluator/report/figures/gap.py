@@ -13,7 +13,7 @@ from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, d
 
 MOST_ROWS = 40
 AFTER = "; dots: with the effects found"
-HELD_OUT = "the sizes of the effects were fitted without them; which effects the model has was decided with all runs"
+HELD_OUT = "the sizes of the effects were fitted without them, but the effects themselves were chosen with all runs"
 
 
 def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:

@@ -29,8 +29,8 @@ def scale_check(runs: Sequence[RunView]) -> Figure | None:
         "scale-check",
         "Scale check",
         "Measured distance of the two marks, relative to robot.toml. If all runs deviate by the same amount, "
-        "calibration, "
-        "mark height or robot.toml is wrong; if one run does, inspect its video. Bars: 95 % for independent frames.",
+        "calibration, mark height or robot.toml is wrong; if one run does, inspect its video. Bars: 95 % for "
+        "independent frames.",
         (canvas.svg,),
         pd.DataFrame({"run": [run.id for run in runs], "off_percent": off, "sigma_percent": sigma}),
     )

@@ -8,7 +8,7 @@ import pandas as pd
 from evaluator.report.numbers import significant
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, ORANGE, Figure, drawing
+from evaluator.report.style import BLUE, ORANGE, Figure, drawing, in_units
 from evaluator.turning.budget import Budget, Contribution
 
 LEAST_PERCENT = 1e-4  # shorter bars are not visible
@@ -23,10 +23,9 @@ def budget_section(run: RunView, budget: Budget) -> Section:
     rows = tuple(_row(item, radius) for item in (*budget.contributions, measured, everything))
     caption = (
         f"Standard uncertainties (GUM, JCGM 100) of run {run.id}, measured again with one source changed at a time. "
-        "The "
-        "intervals of this report contain those of the measurement. Errors of robot.toml and the clock are common to "
-        "all "
-        "runs of a robot: they affect a comparison with the model, not one between runs. Their sizes are in [known_to]."
+        "The intervals of this report contain those of the measurement. Errors of robot.toml and the clock are common "
+        "to all runs of a robot: they affect a comparison with the model, not one between runs. Their sizes are in "
+        "[known_to]."
     )
     head = ("source", "radius, µm", "radius, %", "speed, µm/s", "heading, deg", "")
     figure = _bars(run, budget)
@@ -66,6 +65,7 @@ def _bars(run: RunView, budget: Budget) -> Figure:
             axes.barh(places[chosen], np.maximum(percent[chosen], LEAST_PERCENT), color=color, height=0.6, label=label)
         axes.set_yticks(places, names)
         axes.set_xscale("log")
+        in_units(axes.xaxis, 1.0)
         axes.set_xlim(LEAST_PERCENT, max(3 * float(np.nan_to_num(percent).max()), 10 * LEAST_PERCENT))
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("standard uncertainty of the radius, %")

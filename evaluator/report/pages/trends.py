@@ -17,6 +17,7 @@ from evaluator.report.style import FAINT, MEASURED, VERMILLION, Figure, drawing
 from evaluator.trends.changes import SIGNIFICANCE, Change
 from evaluator.trends.series import TOGETHER, Series
 from evaluator.trends.trends import Trends
+from evaluator.wording import verb
 
 HEAD = ("quantity", "changed with", "from", "to", "change", "95 % of the change", "p")
 TITLES = {"radius": "Turning radius", "speed": "Speed"}
@@ -29,12 +30,13 @@ def change_sentences(found: Trends) -> tuple[str, ...]:
         for series in found.series
         for change in series.changes
     ]
-    count = f"{len(found.series)} quantities over {len(found.sessions)} sessions"
+    quantities = f"{len(found.series)} {verb(len(found.series), 'quantity', 'quantities')}"
+    count = f"{quantities} over {len(found.sessions)} sessions {verb(len(found.series), 'was', 'were')} compared"
     if not sentences:
-        return (f"No significant change; {count} were compared.",)
+        return (f"No significant change; {count}.",)
     return (
         *map(true_minus, sentences),
-        f"{count} were compared; the probability of any false change is {100 * SIGNIFICANCE:g} %.",
+        f"{count}; the probability of any false change is {100 * SIGNIFICANCE:g} %.",
     )
 
 
@@ -130,9 +132,9 @@ def _changes(found: Trends) -> Section:
     )
     text = (
         "A change is reported if the mean of consecutive sessions before it differs from the mean after it, given "
-        "noise "
-        f"and scatter between sessions, at a significance of {100 * SIGNIFICANCE:g} % for all quantities and splits "
-        "together. Calibration errors cancel between sessions that share a camera file and are included otherwise."
+        f"noise and scatter between sessions, at a significance of {100 * SIGNIFICANCE:g} % for all quantities and "
+        "splits together. Calibration errors cancel between sessions that share a camera file and are included "
+        "otherwise."
     )
     tables = (Table("Changes", HEAD, rows),) if rows else ()
     return Section("changes", "Changes", (text,), tables=tables)

@@ -153,8 +153,11 @@ def test_the_report_shows_every_step_of_the_diagnosis(puzzle: Path) -> None:
     sections = {section.name: section for section in diagnosis_sections(view)}
     names = ("diagnosis", "diagnosis-where", "diagnosis-gap", "diagnosis-rivals", "diagnosis-known", "diagnosis-noise")
     assert tuple(sections) == names
-    assert "Predicted from the start pose alone" in " ".join(sections["diagnosis-gap"].text)
-    assert {row[0] for row in sections["diagnosis-known"].tables[0].rows} >= {"start of motion, all runs", "wheelbase"}
+    assert "Predicted from the start poses alone" in " ".join(sections["diagnosis-gap"].text)
+    assert {row[0] for row in sections["diagnosis-known"].tables[0].rows} >= {
+        "start of motion in all runs",
+        "wheelbase",
+    }
     assert "(axle-compliance), size 0.7" in sections["diagnosis"].text[0]
     gap = sections["diagnosis-gap"]
     assert gap.figures[0].data["kept_aside"].sum() == 1

@@ -78,7 +78,10 @@ def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> 
     ]
     found = _judged(Judgement(ways, np.array([9.0, 1.2, 1.0]), 10.0, ()), set())
     assert found is not None
-    assert found.seen == "seen in a mirror, or b (simulated so 1 mm from its marks, as stated in the file 9 mm)"
+    assert (
+        found.seen
+        == "seen in a mirror, or b (distance of simulated and measured marks: 1 mm then, 9 mm as stated in the file)"
+    )
     assert (found.kind, found.equivalent) == ("mirrored", ("reversed",))
     assert found.correction == Correction(marks_times=(-1.0, 1.0))
     assert "; or change the signs" in found.remedy

@@ -117,7 +117,7 @@ function words(found) {
 function gaps(content) {
   const { gap } = content;
   if (!gap) return h("p", { class: "soft" }, content.reason);
-  const groups = [["start pose and random effects of each run fitted", gap], ["predicted from the start pose alone", gap.predicted]].filter(([, one]) => one?.before);
+  const groups = [["start pose and random effects of each run fitted", gap], ["predicted from the start poses alone", gap.predicted]].filter(([, one]) => one?.before);
   const bars = groups.flatMap(([words, one]) => [["fitted runs", "fit"], ["held-out runs", "held_out"]].filter(([, key]) => one.before[key] !== null).map(([who, key]) => ({ words: `${who}, ${words}`, before: one.before[key], after: one.after[key] })));
   const most = Math.max(...bars.flatMap((bar) => [bar.before, bar.after]), gap.noise_floor);
   const bar = (value, ink) => h("div", { class: "measure" }, h("i", { class: ink, style: bar_of(value / most) }), h("span", {}, length(value)));
@@ -125,7 +125,7 @@ function gaps(content) {
     bars.map((one) => h("div", {}, h("p", { class: "small" }, one.words), bar(one.before, "vermillion"), bar(one.after, "green"))),
     h("p", { class: "legend small soft" }, h("i", { class: "vermillion" }), "before", h("i", { class: "green" }), "after"),
     h("p", { class: "small soft" }, `The noise floor is ${length(gap.noise_floor)}.`),
-    gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. The size of the effects was fitted without them; which effects the model has was decided with all runs.`) : null);
+    gap.held_out_runs?.length ? h("p", { class: "small soft" }, `Held out: ${gap.held_out_runs.join(", ")}. The sizes of the effects were fitted without them, but the effects themselves were chosen with all runs.`) : null);
 }
 
 function rivals(content) {
