@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from evaluator.workflow import Analysis
 
 
-@click.command(epilog="\b\nExample:\n  turnscope demo\n  turnscope demo -o /tmp/look --workers 1")
+@click.command(epilog="\b\nExamples:\n  turnscope demo\n  turnscope demo -o /tmp/look --workers 1")
 @click.option(
     "-o",
     "--out",

@@ -18,7 +18,7 @@ from evaluator.cli.options import PATH, quiet_option
     "--format",
     "kind",
     type=click.Choice(["mjcf", "sdf"]),
-    help="MuJoCo, Gazebo; without it, sdf for a FILE that ends so and mjcf for any other.",
+    help="mjcf for MuJoCo, sdf for Gazebo. [default: sdf if FILE ends in .sdf, otherwise mjcf]",
 )
 @click.option("--left", "left_rpm", type=float, default=33.3, show_default=True, help="Command of the turn, rpm.")
 @click.option("--right", "right_rpm", type=float, default=14.4, show_default=True, help="Command of the turn, rpm.")

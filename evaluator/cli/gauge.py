@@ -16,7 +16,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.argument("gauge_file", metavar="[GAUGE.TOML]", required=False, type=FILE)
 @click.option("--columns", type=click.IntRange(2), help="Number of dots along x.")
 @click.option("--rows", type=click.IntRange(2), help="Number of dots along y.")
-@click.option("--pitch-mm", type=float, help="Distance of neighbouring dots.")
+@click.option("--pitch-mm", type=float, help="Distance between the centres of neighbouring dots.")
 @click.option("--diameter-mm", type=float, help="Diameter of a dot.")
 @click.option(
     "-o", "--out", type=FILE, default=Path("gauge.pdf"), show_default=True, help="PDF to write, with an SVG beside it."
@@ -31,8 +31,8 @@ def gauge(
 ) -> None:
     """Write a printable dot gauge in true scale.
 
-    The gauge comes from a gauge.toml or from the four options; then the gauge.toml that calibrate needs is written
-    beside the sheet.
+    The gauge comes from a gauge.toml or from the four options. With the options, a gauge.toml for turnscope calibrate
+    is written beside the sheet.
     """
     from calibration.gauge.geometry import load_gauge
     from calibration.gauge.printing import gauge_sheet, pdf, svg

@@ -13,7 +13,7 @@ from evaluator.wording import counted
 BAD_INPUT = 2
 
 
-@click.command(epilog="\b\nExample:\n  turnscope new monday\n  turnscope new monday --robot column")
+@click.command(epilog="\b\nExamples:\n  turnscope new monday\n  turnscope new monday --robot column")
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option("--robot", default="barrel", show_default=True, metavar="NAME", help="Shipped robot to start from.")
 def new(folder: Path, robot: str) -> None:
@@ -34,7 +34,7 @@ Next:
   5. turnscope report {folder / "experiment.toml"} -o {folder / "out"}""")
 
 
-@click.command(epilog="\b\nExample:\n  turnscope check experiment.toml\n  turnscope check experiment.toml --json")
+@click.command(epilog="\b\nExamples:\n  turnscope check experiment.toml\n  turnscope check experiment.toml --json")
 @experiment_argument
 @write_mended_option
 @json_option

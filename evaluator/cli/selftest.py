@@ -9,7 +9,7 @@ import click
 from evaluator.cli.options import PATH, quiet_option
 
 
-@click.command(epilog="\b\nExample:\n  turnscope selftest\n  turnscope selftest -o /tmp/look --seed 7")
+@click.command(epilog="\b\nExamples:\n  turnscope selftest\n  turnscope selftest -o /tmp/look --seed 7")
 @click.option(
     "-o",
     "--out",

@@ -56,7 +56,9 @@ Examples:
 
 A marks CSV has the columns time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark. Tables of t, x, y or frame, x, y,
 files of OSP Tracker, DeepLabCut, SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory)
-are read as well. robot.toml needs only [marks]. Exit status: 2, a table cannot be measured.""",
+are read as well. robot.toml needs only [marks].
+
+Exit status: 0, all tables were measured; 2, at least one could not be measured.""",
 )
 @click.argument("marks", nargs=-1, required=True, type=PATH)
 @click.option("--robot", help="Shipped robot or robot.toml with the marks. [default: measure the path of each mark]")
