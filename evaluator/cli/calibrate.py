@@ -21,9 +21,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
     type=FILE,
     help="The image with the gauge lying on the plate; it defines the plate frame.  [default: the first]",
 )
-@click.option(
-    "-o", "--out", type=FILE, default=Path("camera.json"), show_default=True, help="Camera file to write."
-)
+@click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True, help="Camera file to write.")
 @click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
 @click.option(
     "--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Height of the marks, mm."

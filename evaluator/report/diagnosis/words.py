@@ -136,6 +136,8 @@ def rivals_sentence(content: Json) -> str:
     if content.get("verdict") not in ("none", "effect"):
         return ""
     for rival in content.get("rivals") or []:
+        if not isinstance(rival, dict):
+            continue
         effects, odds = rival.get("effects") or [], rival.get("log_odds")
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
         if named and odds is not None and odds > REPORTED_LOG_ODDS and not rival.get("strains"):
@@ -219,7 +221,8 @@ def gap_sentence(content: Json) -> str:
     gap = content.get("gap") or {}
     if not gap.get("before"):
         return ""
-    again = closes(content)
+    same = not content.get("effects") and gap["before"] == gap["after"]
+    again = closes(content) and not same
 
     def change(part: str, where: str) -> str:
         before, after = gap["before"].get(part), gap["after"].get(part)
@@ -232,8 +235,6 @@ def gap_sentence(content: Json) -> str:
     has_scatter = (content.get("noise") or {}).get("run_to_run", True)
     noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
     if not again:
-        return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
-    if not content.get("effects") and gap["before"] == gap["after"]:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
     how = "With the effects found" if content.get("effects") else "With nominal values adjusted within their tolerances"
     return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."

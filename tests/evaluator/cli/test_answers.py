@@ -1,4 +1,4 @@
-"""diagnose, plan, demo, track, turning, calibrate and effects: what they ask for, print, write and return."""
+"""diagnose, plan, demo, track and turning: what they ask for, print, write and return."""
 
 from __future__ import annotations
 

@@ -1,0 +1,288 @@
+"""Sentences and tables of a diagnosis: each is there where diagnosis.json gives a reason, with its numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from evaluator.report.diagnosis import sections
+from evaluator.report.diagnosis.knowledge import (
+    knowledge_section,
+    mistakes_section,
+    negligible_sentence,
+    predicted_sentence,
+)
+from evaluator.report.diagnosis.sections import diagnosis_sections
+from evaluator.report.diagnosis.values import parameter, percent_text, signed_percent, value_text, with_interval
+from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.words import (
+    as_sentence,
+    closes,
+    effect_words,
+    equivalents_sentence,
+    gap_sentence,
+    left_out_sentence,
+    next_runs_sentence,
+    rivals_sentence,
+    separations_sentence,
+    unlike_sentences,
+    verdict_sentence,
+)
+from evaluator.report.numbers import UNKNOWN
+from evaluator.report.verdict import verdict_lines
+
+GAP = {"before": {"fit": 0.41, "held_out": 0.44}, "after": {"fit": 0.006, "held_out": 0.007}, "noise_floor": 0.005}
+EFFECT = {"id": "plate-tilt", "name": "the plate is not level", "probability": 0.998, "parameters": {}}
+FREE = {"id": "free-form", "name": "a moment", "parameters": {}, "fitted": True}
+RMS = "the RMS distance between simulated and measured marks"
+
+
+def view(content: dict[str, Any], pieces: pd.DataFrame | None = None, *, outdated: bool = False) -> DiagnosisView:
+    return DiagnosisView(content, pieces, outdated)
+
+
+FLOOR = "the noise floor is 5 µm."
+ON_GROUND = "the noise floor, with unmodelled effects of the ground, is 5 µm."
+BOTH = "from 410 µm to 6 µm on fitted runs and from 440 µm to 7 µm on held-out runs"
+FOUND = {"verdict": "effect", "effects": [EFFECT], "gap": GAP}
+FEW = {**GAP, "before": {"fit": 0.41}}
+SAME = {**GAP, "before": GAP["after"]}
+LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (FOUND, f"With the effects found, {RMS} changes {BOTH}; {FLOOR}"),
+        (
+            {"verdict": "none", "effects": [], "gap": FEW},
+            f"With nominal values adjusted within their tolerances, {RMS} changes {BOTH[:34]}; {FLOOR}",
+        ),
+        (
+            {"verdict": "none", "effects": [], "gap": SAME},
+            f"T{RMS[1:]} is 6 µm on fitted runs and 7 µm on held-out runs; {FLOOR}",
+        ),
+        (
+            {"verdict": "unknown", "effects": [], "gap": LOST},
+            f"T{RMS[1:]} is 440 µm on held-out runs; {FLOOR}",
+        ),
+        (
+            {**FOUND, "noise": {"run_to_run": None}},
+            f"With the effects found, {RMS} changes {BOTH}; {ON_GROUND}",
+        ),
+        ({"verdict": "none", "gap": {}}, ""),
+        ({"verdict": "none"}, ""),
+    ],
+)
+def test_the_gap_is_said_before_and_after_where_a_model_was_found(content: dict[str, Any], said: str) -> None:
+    assert gap_sentence(content) == said
+
+
+def predicted(verdict: str = "effect", **gap: Any) -> str:
+    effects = [EFFECT] if verdict == "effect" else []
+    return predicted_sentence({"verdict": verdict, "effects": effects, "gap": gap})
+
+
+def test_what_is_predicted_from_start_poses_is_said_with_the_runs_that_are_not() -> None:
+    how = "Predicted from the start poses alone, with nothing fitted to single runs, the distance "
+    both = {"before": {"fit": 0.1, "held_out": 0.2}, "after": {"fit": 0.01, "held_out": 0.02}}
+    found = predicted(predicted=both)
+    assert found.startswith(
+        f"{how}changes from 100 µm to 10 µm on fitted runs and from 200 µm to 20 µm on held-out runs. "
+    )
+    assert found.endswith("are those of the fitted runs.")
+    fit = {side: {"fit": values["fit"]} for side, values in both.items()}
+    assert predicted("unknown", predicted=fit).startswith(f"{how}is 100 µm on fitted runs. ")
+    same = {side: {"fit": 0.1} for side in both}
+    assert predicted(predicted=same).startswith(f"{how}is 100 µm on fitted runs. ")
+    lost = predicted(predicted=fit, not_predicted={"r1": "it tips", "r2": "so"})
+    assert lost.endswith(". Not predicted: r1 (it tips); r2 (so).")
+    assert predicted(not_predicted={"r1": "it tips"}) == (
+        "No run can be predicted from its start pose alone. Not predicted: r1 (it tips)."
+    )
+    assert predicted() == ""
+
+
+def test_quantities_stand_in_a_table_with_what_was_assumed_and_found() -> None:
+    items = [
+        {"quantity": "a", "name": "track", "unit": "mm", "taken": 0.02, "found": 0.0412, "low": 0.03, "high": 0.05},
+        {"quantity": "b", "unit": "1", "taken": 0.5, "found": -1.0, "low": None, "high": None},
+        {"quantity": "c", "unit": None, "taken": None, "found": None},
+    ]
+    section = knowledge_section({"known_to": items, "findings": ["r1 is off"], "negligible": [{"id": "plate-tilt"}]})
+    assert section is not None
+    assert section.tables[0].rows == (
+        ("track", "mm", "0.02", "0.041", "0.030 to 0.050", "far"),
+        ("b", "", "0.5", "−1", UNKNOWN, ""),
+        ("c", "", UNKNOWN, UNKNOWN, UNKNOWN, ""),
+    )
+    assert section.text[0] == "r1 is off."
+    assert section.text[1].startswith("Detected, but below the limits of relevance: plate-tilt (radius 0.000 %")
+    assert knowledge_section({}) is None
+    changes = {"radius_percent": 0.0123, "speed_percent": -0.1, "path_noise_floors": 0.25}
+    assert negligible_sentence({"negligible": [{"id": "plate-tilt", "changes": changes}]}).endswith(
+        "plate-tilt (radius 0.012 %, speed −0.100 %, path 0.250 of the noise floor)."
+    )
+
+
+def test_mistakes_come_first_with_the_runs_that_are_left_out() -> None:
+    items = [{"sentence": "r2: backward", "runs": ["r2"]}, {"sentence": "r1, r2: late", "runs": ["r1", "r2"]}]
+    section = mistakes_section({"mistakes": items})
+    assert section is not None
+    assert section.text == ("r2: backward.", "r1, r2: late.", "Left out of every number of the diagnosis: r2, r1.")
+    assert mistakes_section({"mistakes": []}) is None
+
+
+def test_a_gap_has_its_halves_its_held_out_runs_and_those_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sections, "gap_before_after", lambda *_, **__: None)
+    gap = {**GAP, "held_out_runs": ["r3", "r9"], "held_out_gain_sigmas": 24.6}
+    content = {
+        "verdict": "effect", "effects": [EFFECT], "gap": gap, "runs_not_followed": ["r5"],
+        "constancy": {"slow and fast": 0.0009, "left and right": 0.001, "forward and backward": None},
+    }  # fmt: skip
+    section = sections._gap(content)
+    assert section is not None
+    assert section.text[1].startswith("Held-out runs: r3, r9, which the effect predicts better by 25 sigmas; the sizes")
+    assert section.text[2] == "The chosen model does not follow r5. Inspect these recordings first."
+    assert section.tables[0].rows == (("slow and fast", "0.090 %", "no"), ("left and right", "0.10 %", "yes"))
+    bare = sections._gap({"verdict": "unknown", "gap": {**GAP, "held_out_runs": ["r3"]}, "runs_not_followed": ["r5"]})
+    assert bare is not None
+    assert bare.text[1].startswith("Held-out runs: r3; the sizes")
+    assert (len(bare.text), bare.tables) == (2, ())
+    assert sections._gap({"gap": {"before": {}}}) is None
+
+
+def test_alternatives_are_behind_by_their_odds_and_nominal_values_are_adjusted_in_percent() -> None:
+    rivals = [
+        {"effects": ["plate-tilt", "free:moment.one"], "probability": 0.0024, "log_odds": -6.04, "reason": "so"},
+        {"effects": [], "log_odds": None},
+        {"other": 1},
+        "x",
+    ]
+    nominal = {"wheels.radius_mm": {"relative_change": -0.0002, "sigma": 0.001, "tolerance": 0.005},
+               "mass": {"relative_change": None, "sigma": None, "tolerance": 0.02}}  # fmt: skip
+    verdict, alternatives, small = diagnosis_sections(view({"verdict": "none", "rivals": rivals, "nominal": nominal}))
+    assert verdict.name == "diagnosis"
+    first, second = alternatives.tables[0].rows
+    assert first[0].startswith("plate-tilt with ")
+    assert first[1:] == ("0.24 %", "6.0", "so")
+    assert second == ("nothing missing", UNKNOWN, UNKNOWN, "")
+    assert small.tables[0].rows == (
+        ("wheels.radius_mm", "−0.020 %", "0.10 %", "0.50 %"), ("mass", UNKNOWN, UNKNOWN, "2.0 %"),
+    )  # fmt: skip
+    assert diagnosis_sections(None) == ()
+    assert [signed_percent(share) for share in (0.0123, None)] == ["+1.2 %", UNKNOWN]
+    assert [percent_text(share) for share in (0.0, 1e-4, -0.01)] == ["< 0.01 %", "0.010 %", "−1.0 %"]
+
+
+def test_of_many_disagreements_eight_are_told_and_the_others_counted() -> None:
+    where: list[Any] = [{"sentence": f"disagreement {number}"} for number in range(10)]
+    effect = {"verdict": "effect", "effects": [EFFECT], "where": [*where, "a word of another program", {}]}
+    (_, told) = diagnosis_sections(view(effect))
+    assert told.text[0] == "Without these effects, the robot file and the runs disagree as follows:"
+    assert told.text[1:9] == tuple(f"Disagreement {number}." for number in range(8))
+    assert told.text[9:] == ("A word of another program.", "2 more in diagnosis.json.")
+    (_, told) = diagnosis_sections(
+        view({"verdict": "unknown", "effects": [EFFECT | {"fitted": False}], "where": where[:1]})
+    )
+    assert told.text == ("Disagreement 0.",)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, UNKNOWN), (1234.5, "1234"), (-999.4, "−999"), (1e6, "1e+06"), (1e3, "1000"), (0.01234, "0.0123")],
+)
+def test_values_have_three_digits_and_no_exponent_at_usual_sizes(value: float | None, text: str) -> None:
+    assert value_text(value) == text
+    assert with_interval({"value": value, "low": None, "high": 2.0}) == (text, UNKNOWN, "2")
+
+
+@pytest.mark.parametrize(
+    ("name", "effect", "words"),
+    [
+        ("deg_per_mN", "axle-compliance", ("size", "°/mN")),
+        ("angle_deg", "plate-tilt", ("angle", "°")),
+        ("per_mm_x", "", ("along x", "per mm")),
+        ("x_mm", "", ("x", "mm")),
+        ("ratio", "", ("ratio", "")),
+    ],
+)
+def test_a_parameter_is_named_without_its_unit(name: str, effect: str, words: tuple[str, str]) -> None:
+    assert parameter(name, effect) == words
+
+
+def test_sentences_that_have_no_reason_are_empty() -> None:
+    nothing: dict[str, Any] = {"verdict": "none", "effects": []}
+    empty = (left_out_sentence, next_runs_sentence, rivals_sentence, separations_sentence, negligible_sentence)
+    assert [sentence(nothing) for sentence in empty] == [""] * len(empty)
+    assert unlike_sentences(nothing) == []
+    assert equivalents_sentence(nothing) == ""
+    assert as_sentence("") == ""
+    assert as_sentence("r01: -5 rpm") == "r01: −5 rpm."
+    assert as_sentence("speed: -5 rpm.") == "Speed: −5 rpm."
+    assert effect_words("plate-tilt") == "plate-tilt"
+
+
+def test_of_runs_left_out_for_one_reason_five_are_named_and_the_others_counted() -> None:
+    six = {f"r{k}": "dark" for k in range(6)}
+    assert left_out_sentence({"skipped_runs": six}) == "Left out of the diagnosis: r0, r1, r2, r3, r4, r5 (dark)."
+    assert "r0, r1, r2, r3, r4 and 2 others (dark); x (late)" in left_out_sentence(
+        {"skipped_runs": six | {"r6": "dark"}, "left_out_runs": {"x": "late"}}
+    )
+
+
+def test_further_runs_are_said_with_how_often_and_what_they_separate() -> None:
+    run = {"left_rpm": 5.0, "right_rpm": -6.0, "duration_s": 8.0, "x_mm": 1.5, "y_mm": -2.0, "heading_deg": 90.0}
+    following = {"runs": [{**run, "times": times} for times in (1, 2, 3)]}
+    said = next_runs_sentence({"next_experiment": following})
+    each = "5 / −6 rpm for 8 s from x 1.5 mm, y −2 mm at heading 90°"
+    assert said == f"Most informative further runs: {each}; {each} (twice); {each} (3 times)."
+    apart = {"separation_sigmas": {"a + b": 5.21, "c": None, "d": 1.0}, "inseparable_sigmas": {"e": 0.44}}
+    assert separations_sentence({"next_experiment": apart}) == (
+        "Expected separation with these further runs: 5.2 sigmas from a with b and 1.0 sigmas from d. Even many "
+        "further runs at these speeds on this plate would not distinguish it from e (0.4 sigmas): inspect the robot, the plate "
+        "and the wires, or drive faster."
+    )
+    assert separations_sentence({"next_experiment": {"separation_sigmas": {"a": 1.0}}}).endswith("1.0 sigmas from a.")
+    assert separations_sentence({"next_experiment": None}) == ""
+
+
+@pytest.mark.parametrize(
+    ("content", "closed", "said"),
+    [
+        ({"verdict": "unknown", "effects": [FREE]}, True, "explains; the best free-form explanation is a moment."),
+        (
+            {"verdict": "unknown", "effects": [EFFECT | {"fitted": False}, FREE | {"fitted": False}]},
+            False, "explains, and no free-form term does either; the nearest is a moment; and the plate is not level.",
+        ),
+        (
+            {"verdict": "unknown", "effects": [], "where": [{"sentence": "speed is -1 mm/s off"}]},
+            False, "does either; the largest disagreement: speed is −1 mm/s off.",
+        ),
+        ({"verdict": "insufficient"}, True, "These runs cannot decide whether an effect is missing, or which."),
+        ({"verdict": "odd"}, True, ""),
+    ],
+)  # fmt: skip
+def test_a_verdict_says_what_explains_most(content: dict[str, Any], closed: bool, said: str) -> None:
+    assert verdict_sentence(content).endswith(said)
+    assert closes(content) is closed
+
+
+def test_what_a_terminal_shows_has_findings_once_and_runs_not_followed_where_a_model_was_found() -> None:
+    content: dict[str, Any] = {"verdict": "none", "reason": "so", "effects": [], "findings": ["wheel is off"]}
+    lines = verdict_lines(content)
+    assert sum("heel is off" in line for line in lines) == 1
+    effect = {**content, "verdict": "effect", "effects": [EFFECT], "runs_not_followed": ["r5", "r6"]}
+    lines = verdict_lines(effect)
+    assert "Wheel is off." in lines
+    assert "The chosen model does not follow r5, r6. Inspect these recordings first." in lines
+    assert "Left out" not in " ".join(lines)
+    assert "Left out of the diagnosis: r7 (alone)." in verdict_lines(
+        {**content, "left_out_runs": {"r7": "alone"}, "skipped_runs": {"r8": "dark"}}
+    )
+    lost = verdict_lines({**effect, "verdict": "unknown", "effects": [{**EFFECT, "fitted": False}]})
+    assert "follow" not in " ".join(lost)
+    first = verdict_lines({**content, "mistakes": [{"sentence": "r1: backward", "runs": ["r1"]}]})
+    assert first[0] == "r1: backward."
