@@ -190,7 +190,7 @@ def _plane(pose: Array) -> Array:
     """Tilt (two angles, rad) and distance, mm, of the plane z = 0 as the camera sees it: (3,)."""
     rotation = cv2.Rodrigues(np.ascontiguousarray(pose[:3]))[0]
     normal = rotation[:, 2]
-    return np.array([normal[0], normal[1], -normal @ pose[3:6]])
+    return np.array([normal[0], normal[1], -normal @ pose[3:]])
 
 
 def _plane_slope(pose: Array) -> Array:

@@ -79,7 +79,7 @@ def _of_mark(
             for at, first, size in zip(blob.center_px, colors.origin_px, colors.cell_px, strict=True)
         )
         of_blob = _hue_around(planes, row, column, blob.radius_px / colors.cell_px[0])
-        here = bool(allowed[min(max(row, 0), len(allowed) - 1), min(max(column, 0), allowed.shape[1] - 1)])
+        here = bool(allowed[row, column])
         taken = chosen is not None and _is_part(chosen, blob)
         verdict = (
             "chosen" if taken else _refusal(blob, of_blob, (low, high), colors.floor, mark.diameter_px, allowed=here)

@@ -102,7 +102,7 @@ def learnt(
         "radius_px": 10.0,
         "blur_px": 1.0,
         "amplitude": 50.0,
-        "noise": 4.0,
+        "noise": 9.0,
         "edge": None,
         "occluded": 0.0,
         **values,
@@ -131,8 +131,8 @@ class Shape(SimpleNamespace):
         ({"radius_px": 3.9}, False),
         ({"radius_px": 19.0}, True),
         ({"radius_px": 21.0}, False),
-        ({"amplitude": -4.1}, True),  # of a noise of two levels
-        ({"amplitude": 3.9}, False),
+        ({"amplitude": -6.1}, True),  # of a noise of three levels
+        ({"amplitude": 5.9}, False),
     ],
 )
 def test_a_shape_is_a_disc_of_about_the_size_that_was_seen_and_stands_out_of_the_noise(

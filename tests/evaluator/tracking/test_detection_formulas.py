@@ -19,6 +19,7 @@ from evaluator.tracking.detection.color_kernels import (
     CENTER_Y,
     CLIPPED,
     STRENGTH,
+    color_scan,
     color_window,
     is_color,
 )
@@ -110,6 +111,11 @@ def test_of_two_pairs_the_likelier_is_chosen_and_one_about_as_likely_is_alike() 
     assert [pair["green"] for pair in alike([*too_dim, GREEN, YELLOW], settings)] == [GREEN]
 
 
+def test_pairs_that_share_a_blob_are_the_likelier_of_them_alone() -> None:
+    above = replace(YELLOW, center_px=(50.0, 10.0), chroma=79.0)
+    assert alike([GREEN, above, YELLOW], SAID_PAIR) == [{"green": GREEN, "yellow": YELLOW}]
+
+
 @pytest.mark.parametrize(("apart", "same"), [(4.9, True), (5.1, False)])
 def test_blobs_nearer_than_the_larger_radius_are_one(apart: float, *, same: bool) -> None:
     other = replace(GREEN, center_px=(50.0 + 0.6 * apart, 40.0 - 0.8 * apart), radius_px=3.0)
@@ -162,6 +168,22 @@ def test_a_sample_is_of_a_colour_above_its_least_chroma_and_within_its_angle(du:
     assert counts == (along > 10 and across < 0.5 * along)
     assert window({(3, 2): (du, dv)}, 6.5, 4.5, 2.0)[AREA] == (4.0 if counts else 0.0)
     assert uncompiled(is_color)(128.0 + du, 128.0 + dv, COLOR) == pytest.approx(along if counts else 0.0)
+
+
+@pytest.mark.parametrize("toward", [(0.6, 0.8), (-0.6, -0.8), (0.8, -0.6)])
+def test_all_allowed_samples_of_a_colour_are_marked_within_their_bounds(toward: tuple[float, float]) -> None:
+    """Of chromas 20 at three places, one of them not allowed, 11 at another, 20 across the colour at a last one."""
+    along, across = np.array(toward), np.array([-toward[1], toward[0]])
+    planes, mask = np.full((2, 6, 8), 128.0), np.ones((6, 8), np.uint8)
+    for (j, i), chroma in {(1, 2): 20 * along, (4, 6): 20 * along, (5, 7): 20 * along, (2, 3): 11 * along,
+                           (0, 0): 20 * across}.items():  # fmt: skip
+        planes[:, j, i] += chroma
+    allowed = np.ones((6, 8), bool)
+    allowed[5] = False
+    color = np.array([128.0, 128.0, *toward, 99.0, 0.5])  # whose own least chroma does not count
+    for least, bounds in ((15.0, (2, 1, 4, 2, 6)), (10.0, (3, 1, 4, 2, 6)), (25.0, (0, 6, -1, 8, -1))):
+        assert uncompiled(color_scan)(*planes, allowed, color, least, mask) == bounds
+        assert np.argwhere(mask).tolist() == [[1, 2], [2, 3], [4, 6]][:: 1 if least < 15 else 2][: bounds[0]]
 
 
 def test_a_window_without_the_colour_has_no_centre() -> None:
