@@ -94,6 +94,7 @@ from .viewing.overview import out_folder as out_folder
 from .viewing.overview import results_state as results_state
 from .viewing.results import diagnosis_view as diagnosis_view
 from .viewing.results import results_view as results_view
+from .viewing.sandbox import body_mm as body_mm
 from .viewing.sandbox import effect_sliders as effect_sliders
 from .viewing.sandbox import robot_names as robot_names
 from .viewing.sandbox import robot_sliders as robot_sliders

@@ -11,6 +11,7 @@ from evaluator.errors import InputError
 from evaluator.studio.answers import Asked, Json, Studio, endpoint, number
 from evaluator.workflow import (
     Edit,
+    body_mm,
     diagnosis_view,
     edit_experiment,
     effect_sliders,
@@ -186,7 +187,8 @@ def motions(studio: Studio, asked: Asked) -> Json:
     changes = {str(key): number(value, str(key)) for key, value in nominal.items()}
     effects = _effects(asked.body.get("effects") or {})
     duration = number(asked.body.get("duration_s", 8.0), "duration_s")
-    found: Json = {"changed": sandbox_motions(robot, pairs, nominal=changes, effects=effects, duration_s=duration)}
+    drawn = sandbox_motions(robot, pairs, nominal=changes, effects=effects, duration_s=duration)
+    found: Json = {"changed": drawn, "body": body_mm(robot)}
     if asked.body.get("base"):
         found["base"] = sandbox_motions(robot, pairs, nominal={}, effects={}, duration_s=duration)
     return found

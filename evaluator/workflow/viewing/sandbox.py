@@ -86,6 +86,12 @@ def robot_names() -> tuple[str, ...]:
     return shipped_robots()
 
 
+def body_mm(robot: Path | str) -> dict[str, float]:
+    """Length and width of a robot, mm, for its outline in drawings."""
+    body = _robot(robot).body
+    return {"length_mm": body.length_mm, "width_mm": body.width_mm}
+
+
 def robot_sliders(robot: Path | str) -> list[Slider]:
     """Sliders of the nominal values that a robot has."""
     described = _robot(robot).model_dump(mode="json")

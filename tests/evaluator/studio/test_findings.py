@@ -16,7 +16,7 @@ from evaluator.robot_geometry import mark_geometry
 from evaluator.workflow import analyze, out_folder, sandbox_motions
 from simulator.command import Command
 from simulator.observation import marks_of_run
-from simulator.robot import Robot, shipped_robot_text
+from simulator.robot import Robot, load_robot, shipped_robot_text
 from simulator.simulation import simulate
 from tests.evaluator.studio.serving import Serving, serving
 from tests.evaluator.synthetic import three_runs
@@ -141,6 +141,12 @@ def test_sandbox_draws_what_the_simulation_says() -> None:
     seen = poses_from_marks(marks_of_run(robot, run), mark_geometry(robot))
     assert drawn["x_mm"] == pytest.approx(seen.x_mm, abs=1e-3)
     assert drawn["y_mm"] == pytest.approx(seen.y_mm, abs=1e-3)
+
+
+def test_the_next_runs_are_drawn_at_the_size_of_the_robot_file(studio: Serving) -> None:
+    answer = studio.post("/api/sandbox", {"robot": "four_driven", "commands": [[30, 10]], "duration_s": 0.1})
+    body = load_robot("four_driven").body
+    assert answer["body"] == {"length_mm": body.length_mm, "width_mm": body.width_mm}
 
 
 def test_sandbox_refuses_what_cannot_be(studio: Serving) -> None:

@@ -63,8 +63,8 @@ export function dot(context, x, y, radius, ink) {
   context.fill();
 }
 
-// The robot's outline at a pose, 5 mm long and 9 mm wide as the paper's.
-export function robot(context, to, x, y, heading, ink, length = 5, width = 9) {
+// The robot's outline at a pose. body: its length and width in mm.
+export function robot(context, to, x, y, heading, ink, { length_mm: length, width_mm: width }) {
   context.save();
   context.translate(to.x(x), to.y(y));
   context.rotate((-heading * Math.PI) / 180);
@@ -73,7 +73,7 @@ export function robot(context, to, x, y, heading, ink, length = 5, width = 9) {
   context.strokeRect((-length / 2) * to.scale, (-width / 2) * to.scale, length * to.scale, width * to.scale);
   context.beginPath();
   context.moveTo(0, 0);
-  context.lineTo((length / 2 + 1.5) * to.scale, 0);
+  context.lineTo(0.8 * length * to.scale, 0); // beyond the front, which shows the heading
   context.stroke();
   context.restore();
 }
