@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,31 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+
+
+@dataclass(frozen=True)
+class Written:
+    """What experiment.toml says, also where it has faults; read once, as it may name thousands of files."""
+
+    path: Path
+    content: dict[str, Any]
+
+    @cached_property
+    def folder(self) -> Path:
+        """Where relative paths begin."""
+        return self.path.resolve().parent
+
+    @cached_property
+    def marks_of_robot(self) -> tuple[str, ...]:
+        """Marks of the robot; none if it cannot be read, which is reported for the robot."""
+        from evaluator.settings import load_any_robot
+        from simulator.errors import SimulationError
+
+        name = str(self.content.get("robot", ""))
+        try:
+            return tuple(load_any_robot(self.folder / name if name.endswith(".toml") else Path(name)).points_mm)
+        except (OSError, ValueError, SimulationError):
+            return ()
 
 
 @dataclass(frozen=True)
@@ -75,7 +101,7 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
         if run.poses is not None and is_bag(run.poses):
             read_poses(run.poses, run.topics)
         log = run.commands
-        if log is not None and (is_bag(log) or not list(_commands(log.parent, log.name, log))):
+        if log is not None and (is_bag(log) or not list(_faults_of_log(log))):
             run.run_command()
     except InputError as error:
         yield str(error)
@@ -112,55 +138,50 @@ def _faults_of_named_files(path: Path) -> Iterator[str]:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return  # reported already
-    runs = [run for run in content.get("run", []) if isinstance(run, dict)] if isinstance(content, dict) else []
-    tables = [content, *runs]
-    folder = path.resolve().parent
+    runs = content.get("run", [])
+    tables = [content, *(run for run in runs if isinstance(run, dict))] if isinstance(runs, list) else [content]
+    written = Written(path, content)
     for key, check in CHECKS.items():
         for name in dict.fromkeys(table[key] for table in tables if isinstance(table.get(key), str)):
-            yield from check(folder, name, path)
+            yield from check(written, name)
 
 
-def _robot(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _robot(written: Written, name: str) -> Iterator[str]:
     from evaluator.settings import load_any_robot
 
-    del experiment
-    yield from _fault(load_any_robot, folder / name if name.endswith(".toml") else Path(name))
+    yield from _fault(load_any_robot, written.folder / name if name.endswith(".toml") else Path(name))
 
 
-def _camera(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _camera(written: Written, name: str) -> Iterator[str]:
     from calibration.store import load_camera
 
-    del experiment
-    yield from _fault(load_camera, folder / name)
+    yield from _fault(load_camera, written.folder / name)
 
 
-def _tracking(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _tracking(written: Written, name: str) -> Iterator[str]:
     from evaluator.tracking.settings import load_settings
 
-    del experiment
-    yield from _fault(load_settings, folder / name)
+    yield from _fault(load_settings, written.folder / name)
 
 
-def _video(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _video(written: Written, name: str) -> Iterator[str]:
     from evaluator.recording import has_no_clock, open_recording
 
-    del experiment
-    if not (folder / name).exists() or not has_no_clock(folder / name):  # images are opened with the rate of their run
-        yield from _fault(open_recording, folder / name)
+    video = written.folder / name
+    if not video.exists() or not has_no_clock(video):  # images are opened with the rate of their run
+        yield from _fault(open_recording, video)
 
 
-def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _marks(written: Written, name: str) -> Iterator[str]:
     """Read a marks file as the analysis does, except for the conversion of px by the camera."""
     from evaluator.interchange.tracks import Tracks, program_of, read_points
     from evaluator.marks import mark_names, read_marks
 
-    content = tomllib.loads(experiment.read_text(encoding="utf-8"))
     try:
-        tracks = Tracks.model_validate(content.get("tracks", {}))
+        tracks = Tracks.model_validate(written.content.get("tracks", {}))
     except ValueError:
         return  # reported already
-    path = folder / name
-    names = _marks_of_robot(folder, content)
+    path, names = written.folder / name, written.marks_of_robot
     found: list[str] = []
 
     def read(file: Path) -> None:
@@ -174,38 +195,28 @@ def _marks(folder: Path, name: str, experiment: Path) -> Iterator[str]:
 
     yield from _fault(read, path)
     if len(found) == 1 and len(names) > 1:
-        yield f"{path}: holds the {found[0]} mark alone; a pose needs two (its name: [tracks] of {experiment})"
+        yield f"{path}: holds the {found[0]} mark alone; a pose needs two (its name: [tracks] of {written.path})"
 
 
-def _marks_of_robot(folder: Path, content: dict[str, Any]) -> tuple[str, ...]:
-    """Marks of the robot of an experiment; none if it cannot be read, which is reported for the robot."""
-    from evaluator.settings import load_any_robot
-    from simulator.errors import SimulationError
-
-    name = str(content.get("robot", ""))
-    try:
-        return tuple(load_any_robot(folder / name if name.endswith(".toml") else Path(name)).points_mm)
-    except (OSError, ValueError, SimulationError):
-        return ()
-
-
-def _poses(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _poses(written: Written, name: str) -> Iterator[str]:
     from evaluator.interchange.bags import is_bag
     from evaluator.interchange.poses import read_poses
 
-    del experiment
-    if not is_bag(folder / name):  # recordings of ROS are read with the topics of their run
-        yield from _fault(read_poses, folder / name)
+    if not is_bag(written.folder / name):  # recordings of ROS are read with the topics of their run
+        yield from _fault(read_poses, written.folder / name)
 
 
-def _commands(folder: Path, name: str, experiment: Path) -> Iterator[str]:
+def _commands(written: Written, name: str) -> Iterator[str]:
+    yield from _faults_of_log(written.folder / name)
+
+
+def _faults_of_log(path: Path) -> Iterator[str]:
     from evaluator.interchange.bags import Topics, is_bag
     from evaluator.interchange.commands import from_log
 
-    del experiment
-    if not is_bag(folder / name):  # the wheels are checked with the topics of the run
+    if not is_bag(path):  # the wheels are checked with the topics of the run
         any_wheels = Topics(wheel_radius_m=1.0, track_m=1.0)
-        yield from _fault(lambda path: from_log(path, topics=any_wheels), folder / name)
+        yield from _fault(lambda log: from_log(log, topics=any_wheels), path)
 
 
 def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:
@@ -218,7 +229,7 @@ def _fault(load: Callable[[Path], Any], path: Path) -> Iterator[str]:
         yield str(error)
 
 
-CHECKS: dict[str, Callable[[Path, str, Path], Iterator[str]]] = {
+CHECKS: dict[str, Callable[[Written, str], Iterator[str]]] = {
     "robot": _robot,
     "camera": _camera,
     "tracking": _tracking,

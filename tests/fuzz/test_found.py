@@ -124,6 +124,11 @@ def gauge_of_millions_of_dots(folder: Path) -> tuple[str, ...]:
     return ("gauge", str(path), "-o", str(folder / "g.pdf"))
 
 
+def number_in_place_of_the_runs(folder: Path) -> tuple[str, ...]:
+    (folder / "experiment.toml").write_text('format = 1\nname = "n"\nrobot = "barrel"\nrun = 5\n', encoding="utf-8")
+    return ("check", str(folder / "experiment.toml"))
+
+
 def key_that_commands_the_terminal(folder: Path) -> tuple[str, ...]:
     path = folder / "robot.toml"
     path.write_text('"a\\u001bb\\u009b\\u202e" = 1\n', encoding="utf-8")
@@ -157,6 +162,7 @@ FOUND: dict[Callable[[Path], tuple[str, ...]], str] = {
     deeplabcut_with_fewer_columns_than_names: "not in the format",
     camera_with_a_ragged_covariance: "covariance are incomplete",
     camera_of_no_size: "not a camera.json",
+    number_in_place_of_the_runs: "run = 5",
     gauge_of_millions_of_dots: "an image can resolve",
     key_that_commands_the_terminal: r"unknown key a\x1bb\x9b\u202e",
 }

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,19 @@ def test_measuring_needs_no_more_of_robot_toml_than_marks(tmp_path: Path) -> Non
     assert found.turning["radius_mm"][0] == pytest.approx(6.0, rel=1e-3)
     with pytest.raises(InputError, match="slip is missing"):
         analyze(experiment, tmp_path / "out", workers=1, simulate=True)
+
+
+def test_a_check_reads_the_experiment_as_often_for_many_runs_as_for_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    marks = circling_marks(6.0, seconds=0.1)
+    read, calls = tomllib.loads, []
+    monkeypatch.setattr(tomllib, "loads", lambda text: calls.append(text) or read(text))
+
+    def times_read(runs: int) -> int:
+        folder = tmp_path / str(runs)
+        experiment = write_experiment(folder, [(f"r{k}", 14.4, 33.3, marks * (1 + k)) for k in range(runs)])
+        check_experiment(experiment)
+        return calls.count(experiment.read_text(encoding="utf-8"))
+
+    assert times_read(1) == times_read(4) > 0
