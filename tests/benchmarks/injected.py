@@ -1,13 +1,14 @@
 """Does a failure in the middle of a command lose anything?
 
-python -m tests.benchmarks.injected --failures 500 [--seed 1] [--only WORDS]
+python -m tests.benchmarks.injected --failures 500 [--seed 1] [--only WORDS] [--first 0]
 
 Every command that reads a file of tests/fuzz and writes results is run once undisturbed, which counts its calls of each
 kind: opening a file to read or to write, renaming, making a folder, removing, writing bytes, allocating an array. Then
 calls are drawn at random, and the command is run again with that one failing as a full disk, a bad sector or a lack of
 memory would make it fail, in an empty folder or in one that holds its results. It must end with results or one
 sentence; inputs and earlier results must be as before; no file may be half written; and the same command, run once
-more, must give the undisturbed result byte for byte. Exits with 1 where that does not hold.
+more, must give the undisturbed result byte for byte. Exits with 1 where that does not hold. Failures have numbers, so
+that a later call goes on with --first.
 """
 
 from __future__ import annotations
@@ -16,10 +17,13 @@ import argparse
 import errno
 import gc
 import json
+import multiprocessing
 import os
 import random
 import resource
+import select
 import shutil
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -41,6 +45,7 @@ READ, WRITE, BYTES, MEMORY = "read", "write", "bytes", "memory"
 ERRORS = {**EVENTS, READ: errno.EIO, WRITE: errno.ENOSPC}
 ALLOCATORS = ("zeros", "empty", "full", "ones")
 LIMIT_S = 400.0  # of a command; the first compiles
+LONGEST_S = LIMIT_S + 60.0  # of its process, which ends by itself unless it is stuck
 OWN = {"provenance.json"}  # names the time
 Counts = Counter[str]
 
@@ -87,6 +92,8 @@ def run(entry: Entry, folder: Path, failure: Failure | None = None, *, watched: 
     if child := os.fork():
         os.close(writing)
         with os.fdopen(reading) as pipe:
+            if not select.select([pipe], [], [], LONGEST_S)[0]:
+                os.kill(child, signal.SIGKILL)
             told = pipe.read()
         status = os.waitpid(child, 0)[1]
         wrong, _, counted = told.partition("\0")
@@ -175,27 +182,34 @@ def main() -> None:
     parser.add_argument("--failures", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="commands whose line holds this")
+    parser.add_argument("--first", type=int, default=0, help="number of the first failure")
     given = parser.parse_args()
-    rng = random.Random(given.seed)  # noqa: S311  # draws failures, keeps no secrets
     with tempfile.TemporaryDirectory() as name:
         valid, work = Path(name) / "valid", Path(name) / "work"
         valid.mkdir()
-        lay_out(valid)
+        # In a process of its own: encoders and OpenCV leave threads, beside which a forked child can hang.
+        laying = multiprocessing.get_context("spawn").Process(target=lay_out, args=(valid,))
+        laying.start()
+        laying.join()
         chosen = {entry.arguments: entry for entry in ENTRIES if any(OUT in part for part in entry.arguments)}
         chosen = {line: entry for line, entry in chosen.items() if given.only in " ".join(line)}
         gc.freeze()  # what children share is not copied to be looked through
         commands = [Command(entry, valid, work) for entry in chosen.values()]
         kinds = sorted({kind for command in commands for kind in command.counts})
         tried, faults = Counter[str](), 0
-        for _ in range(given.failures):
+        for number in range(given.first, given.first + given.failures):
+            rng = random.Random(f"{given.seed}/{number}")  # noqa: S311  # draws failures, keeps no secrets
             kind = rng.choice(kinds)
             command = rng.choice([one for one in commands if one.counts[kind]])
             failure = Failure(kind, rng.randint(1, command.counts[kind]))
             wrong = command.wrong_with(failure, full=bool(rng.getrandbits(1)))
             tried[kind] += 1
+            if number % 25 == 0:
+                print(f"{number}: {faults} faults", flush=True)
             if wrong:
                 faults += 1
-                print(f"--- {' '.join(command.entry.arguments)}, {kind} {failure.number}: {wrong}", flush=True)
+                line = " ".join(command.entry.arguments)
+                print(f"--- {number}: {line}, {kind} {failure.number}: {wrong}", flush=True)
     print(
         f"{tried.total()} failures in {len(commands)} commands with seed {given.seed} ({dict(tried)}): {faults} faults"
     )
