@@ -59,10 +59,10 @@ def draw(kind: str, name: str, rng: np.random.Generator) -> Drawn:
         session, truth["outside"] = with_outside(messy, name, 3 * size, angle), name
         truth["sizes"] = {name: {**measured, "size": 3 * size}}
     elif kind == "odd":
-        run = _run_for(name, messy, rng)
+        run = run_for(name, messy, rng)
         session = odd.KINDS[name](messy, run, rng)
         runs = sorted({run, odd.other_run(messy, run)}) if name == "wrong-command" else [run]
-        truth["odd"] = {"runs": [_run_name(r) for r in runs], "kinds": sorted(odd.ACCEPTED[name])}
+        truth["odd"] = {"runs": [run_name(r) for r in runs], "kinds": sorted(odd.ACCEPTED[name])}
     return Drawn(session, truth)
 
 
@@ -100,13 +100,13 @@ def write(drawn: Drawn, folder: Path, truth_folder: Path, rng: np.random.Generat
     (folder / "marks").mkdir(parents=True)
     lines = ["format = 1", 'name = "session"', 'robot = "robot.toml"']
     for run, (times, marks) in enumerate(recorded(session, rng)):
-        name = _run_name(run)
-        lines += ["", "[[run]]", f'id = "{name}"', *_command_lines(session, run), f'marks = "marks/{name}.csv"']
+        name = run_name(run)
+        lines += ["", "[[run]]", f'id = "{name}"', *command_lines(session, run), f'marks = "marks/{name}.csv"']
         (folder / "marks" / f"{name}.csv").write_text(_marks_csv(times, marks), encoding="utf-8")
     if known_to:
         lines += ["", "[known_to]", *(f"{key} = {value}" for key, value in KNOWN_TO.items())]
     (folder / "experiment.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / "robot.toml").write_text(_robot_toml(session.said, known_to=known_to), encoding="utf-8")
+    (folder / "robot.toml").write_text(robot_toml(session.said, known_to=known_to), encoding="utf-8")
     truth_folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(drawn.truth, indent=1, default=float)
     (truth_folder / f"{folder.name}.json").write_text(text + "\n", encoding="utf-8")
@@ -140,11 +140,11 @@ def _robot(rng: np.random.Generator) -> Robot:
     )
 
 
-def _run_name(run: int) -> str:
+def run_name(run: int) -> str:
     return f"r{run + 1:02d}"
 
 
-def _run_for(name: str, session: Session, rng: np.random.Generator) -> int:
+def run_for(name: str, session: Session, rng: np.random.Generator) -> int:
     """A run in which the mistake shows: one that turns, where sides or a mirror image are concerned.
 
     A late start shows where the recording begins before the motors: later frames hold the same motion at other places.
@@ -175,7 +175,7 @@ def _with_effects(
     return session, truth, sizes
 
 
-def _command_lines(session: Session, run: int) -> list[str]:
+def command_lines(session: Session, run: int) -> list[str]:
     left, right = session.said_rpm[:, run]
     lines = [f"left_rpm = {left:.4g}", f"right_rpm = {right:.4g}", f"start_s = {session.start_s[run]:.3f}"]
     if np.isfinite(session.stop_s[run]):
@@ -191,7 +191,7 @@ def _marks_csv(times: Array, marks: Array) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _robot_toml(robot: Robot, *, known_to: bool) -> str:
+def robot_toml(robot: Robot, *, known_to: bool) -> str:
     tables = {
         "body": {"mass_g": robot.mass_g, "length_mm": 5.0, "width_mm": 9.0, "height_mm": 6.5},
         "wheels": {
