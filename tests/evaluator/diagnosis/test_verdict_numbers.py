@@ -9,21 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.assessment import model_comparison, verdict
+from evaluator.diagnosis.assessment import verdict
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy
-from evaluator.diagnosis.assessment.model_comparison import (
-    Standing,
-    _left_over,
-    _odds_sigmas,
-    score,
-    separations,
-    standing,
-)
+from evaluator.diagnosis.assessment.model_comparison import Standing, score, standing
 from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays
 from evaluator.diagnosis.inference.search import Search, log_prior
 from evaluator.diagnosis.likelihood.known_to import CLOCK, START
-from tests.evaluator.diagnosis.synthetic import column
 
 NONE: frozenset[str] = frozenset()
 A, AB, ABC = frozenset({"a"}), frozenset({"a", "b"}), frozenset({"a", "b", "c"})
@@ -291,60 +283,3 @@ def test_probabilities_are_shares_of_the_exponentials() -> None:
     assert table.containing("a", table.sets) == pytest.approx(1 - weight[table.sets.index(NONE)] / weight.sum())
     assert table.containing("b", [A, AB]) == pytest.approx(1 / (1 + np.exp(table.of(A) - table.of(AB))))
     assert table.share_of([A], [A, NONE]) == pytest.approx(1 / (1 + np.exp(table.of(NONE) - table.of(A))))
-
-
-def test_odds_in_sigmas_are_the_root_of_twice_the_loss() -> None:
-    fit: Any = SimpleNamespace(posterior=SimpleNamespace(log_evidence=10.0))
-    assert _odds_sigmas(fit, 2.0) == pytest.approx(4.0)
-    assert _odds_sigmas(fit, 11.0) == 0.0
-
-
-def test_separation_is_the_part_of_an_effect_that_the_others_cannot_make() -> None:
-    model: Any = SimpleNamespace(inner=lambda at: np.array([[[4.0, 3.0], [3.0, 9.0]]])[at], prior=np.array([0.0, 7.0]))
-    assert _left_over(model, 0, [0], np.array([2.0]), []) == pytest.approx(4.0)  # two sigmas a unit, two units
-    assert _left_over(model, 0, [0], np.array([2.0]), [1]) == pytest.approx(np.sqrt(16 - 36 / 16))
-
-
-def separable(monkeypatch: pytest.MonkeyPatch, others: dict[frozenset[str], float]) -> dict[str, dict[str, float]]:
-    """Effect a of 2 units of 3 sigmas, beside b, seen from two places, and c; others: evidence of other fitted sets."""
-    along = {"a": [3.0, 0.0, 0.0], "b": [1.0, 1.0, 0.0], "b'": [2.0, 0.0, 1.0], "c": [0.0, 1.0, 1.0]}
-    columns = np.array(list(along.values()))
-    view = SimpleNamespace(
-        model=SimpleNamespace(
-            inner=lambda at: np.array([np.zeros((4, 4)), columns @ columns.T])[at],
-            prior=np.zeros(4),
-            tau=np.array([[0.3, 0.1, 0.1, 1.0], TAU_FITTED]),
-        ),
-        columns=[column("a"), column("b"), column("b"), column("c")],
-        base=(0,),
-        offers=(("b", (1,)), ("b", (2,)), ("c", (3,))),
-    )
-    monkeypatch.setattr(model_comparison, "screen", lambda *_: view)
-    values = {"a": 2.0}
-    fit = SimpleNamespace(
-        point=SimpleNamespace(value=lambda item: values[item.key]),
-        posterior=SimpleNamespace(scatter=np.array(TAU_FITTED), log_evidence=50.0),
-    )
-    rest = {ids: SimpleNamespace(posterior=SimpleNamespace(log_evidence=value)) for ids, value in others.items()}
-    terms = {name: SimpleNamespace(id=name, stepwise=False) for name in "abc"} | {
-        "free:x": SimpleNamespace(id="free:x")
-    }
-    search: Any = SimpleNamespace(fits={A: fit, **rest}, terms=terms)
-    return separations(search, A)
-
-
-TAU_FITTED = [0.05, 0.02, 0.02, 1.0]
-
-
-def test_separation_of_an_effect_is_what_the_nearest_view_of_another_leaves_of_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    found = separable(monkeypatch, {})["a"]
-    # 6 sigmas in all; (2, 0, 1) leaves 6/√5 of it, (1, 1, 0) leaves 6/√2; (0, 1, 1) is at right angles.
-    assert found == pytest.approx({"": 6.0, "b": 6 / np.sqrt(5), "c": 6.0})
-
-
-def test_separation_from_what_was_fitted_instead_is_that_of_the_odds(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = separable(monkeypatch, {frozenset({"c"}): 42.0, frozenset({"a", "b"}): 60.0})["a"]
-    assert found["c"] == pytest.approx(4.0)
-    assert found["b"] == pytest.approx(6 / np.sqrt(5))
