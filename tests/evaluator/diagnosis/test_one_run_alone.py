@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,21 +25,37 @@ def session_of(runs: int) -> Session:
     return Session(data, (None,) * runs, {})  # type: ignore[arg-type]
 
 
+ON_PLATE: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=False), tolerance={})
+
+
+def finding(verdict: Any, reason: str = "so", runs: int = 12, **said: Any) -> Diagnosis:
+    """A diagnosis of a search on a plate, of which a single run may be the cause."""
+    return Diagnosis(verdict, reason, session_of(runs), search=ON_PLATE, terms={}, **said)
+
+
+def around(
+    monkeypatch: pytest.MonkeyPatch, *, similar: bool = True, followed: bool = False, suspect: int | None = ODD
+) -> None:
+    """One run is suspected, with similar ones or not, and followed by the others or not."""
+    fit = SimpleNamespace(point=SimpleNamespace(nominal={}, per_run=None), runs=tuple(range(12)))
+    monkeypatch.setattr(Diagnosis, "fit", fit)
+    sole = None if suspect is None else SimpleNamespace(run=suspect)
+    monkeypatch.setattr(module, "sole_run", lambda *_: sole)
+    monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
+    monkeypatch.setattr(module, "is_followed", lambda *_: followed)
+    monkeypatch.setattr(module, "shortcomings", lambda _: [])
+    monkeypatch.setattr(module, "varied_robot", lambda *_: None)
+    monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
+
+
 def diagnosed(
     monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, similar: bool, followed: bool = False
 ) -> Diagnosis:
     """The diagnosis of 12 runs, one of which is suspected, where the others say rest, which follows it or not."""
-    fit = SimpleNamespace(point=SimpleNamespace(nominal={}))
-    monkeypatch.setattr(Diagnosis, "fit", fit)
+    around(monkeypatch, similar=similar, followed=followed)
     monkeypatch.setattr(
         module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
     )
-    monkeypatch.setattr(module, "_sole_run_of", lambda found: ODD if found is whole else None)
-    monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
-    monkeypatch.setattr(module, "_is_followed", lambda *_: followed)
-    monkeypatch.setattr(module, "shortcomings", lambda _: [])
-    monkeypatch.setattr(module, "varied_robot", lambda *_: None)
-    monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
     return diagnose(whole.session, no_progress)
 
 
@@ -58,7 +75,7 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
     monkeypatch: pytest.MonkeyPatch, verdict: Any, similar: bool, said: str
 ) -> None:
     chosen = TILT if verdict == "effect" else frozenset[str]()
-    found = diagnosed(monkeypatch, Diagnosis(verdict, "so", session_of(12), chosen=chosen), NOTHING, similar=similar)
+    found = diagnosed(monkeypatch, finding(verdict, chosen=chosen), NOTHING, similar=similar)
     assert found.verdict == said
     assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not similar)
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
@@ -69,7 +86,7 @@ def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect
 ) -> None:
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
     for outlying, named in (((ODD,), [("r3",)]), ((), [])):
-        whole = Diagnosis("effect", "it pays", session_of(12), chosen=TILT, outlying=outlying)
+        whole = finding("effect", "it pays", chosen=TILT, outlying=outlying)
         found = diagnosed(monkeypatch, whole, rest, similar=True)
         assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
 
@@ -80,7 +97,7 @@ def test_runs_that_the_second_search_leaves_out_stay_out_of_the_answer(
 ) -> None:
     """The results by run are those of its session: a report of more runs than results ended in an IndexError."""
     less = session_of(11).leaving_out([4, 5], "diverges")
-    whole = Diagnosis("unknown", "so", session_of(12))
+    whole = finding("unknown")
     found = diagnosed(monkeypatch, whole, Diagnosis("none", "explained", less), similar=True, followed=followed)
     assert found.session.data == less.data
     assert {"r4", "r5"} <= found.session.left_out.keys()
@@ -90,9 +107,7 @@ def test_runs_that_the_second_search_leaves_out_stay_out_of_the_answer(
 def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkeypatch: pytest.MonkeyPatch) -> None:
     both = TILT | {"friction-gradient"}
     rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
-    found = diagnosed(
-        monkeypatch, Diagnosis("effect", "so", session_of(12), chosen=both), rest, similar=True, followed=True
-    )
+    found = diagnosed(monkeypatch, finding("effect", chosen=both), rest, similar=True, followed=True)
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
     why = "friction-gradient rests on this run alone; repeat it"
     assert found.session.left_out == {"r3": why}
@@ -126,31 +141,30 @@ def test_wheel_speeds_by_a_model_that_follows_no_run_make_none_suspect(
 
 @pytest.mark.parametrize(("runs", "excluded"), [(7, 1), (19, 1), (20, 2), (30, 3)])
 def test_one_run_of_ten_may_be_excluded(monkeypatch: pytest.MonkeyPatch, runs: int, excluded: int) -> None:
-    without: list[int] = []
-
-    def again(found: Diagnosis, suspect: int, *_: Any) -> Diagnosis:
-        without.append(suspect)
-        return Diagnosis("unknown", "so", session_of(len(found.session.data) - 1))
-
-    monkeypatch.setattr(module, "_diagnosed", lambda session, *_: Diagnosis("unknown", "so", session))
-    monkeypatch.setattr(module, "_sole_run_of", lambda _: 0)
-    monkeypatch.setattr(module, "has_similar_runs", lambda *_: True)
-    monkeypatch.setattr(module, "_without", again)
-    diagnose(session_of(runs), no_progress)
-    assert len(without) == excluded
+    """Without each run one effect less is found."""
+    around(monkeypatch, suspect=0)
+    monkeypatch.setattr(
+        module,
+        "_diagnosed",
+        lambda session, *_: replace(
+            finding("effect", chosen=frozenset(f"effect {number}" for number in range(len(session.data)))),
+            session=session,
+        ),
+    )
+    assert len(diagnose(session_of(runs), no_progress).session.data) == runs - excluded
 
 
 def test_a_run_is_kept_where_the_others_say_no_more_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = Diagnosis("unknown", "so", session_of(12), chosen=frozenset({"free:x"}))
+    whole = finding("unknown", chosen=frozenset({"free:x"}))
     rest = Diagnosis("unknown", "so as well", session_of(11))
     assert diagnosed(monkeypatch, whole, rest, similar=True) is whole
     other = Diagnosis("effect", "so", session_of(11), chosen=frozenset({"command-lag"}))
-    effect = Diagnosis("effect", "so", session_of(12), chosen=TILT)
+    effect = finding("effect", chosen=TILT)
     assert diagnosed(monkeypatch, effect, other, similar=True) is effect  # another effect is no simpler one
 
 
 def test_a_run_is_kept_without_which_too_few_remain(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = Diagnosis("unknown", "so", session_of(12))
+    whole = finding("unknown")
     diagnosed(monkeypatch, whole, NOTHING, similar=True)
     monkeypatch.setattr(module, "shortcomings", lambda _: ["too few"])
     assert diagnose(whole.session, no_progress) is whole
@@ -166,14 +180,16 @@ def test_no_run_is_suspected_on_open_ground(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_run_whose_wheels_turn_otherwise_is_described_by_them(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[Any] = []
+
+    def described(run: Any, _others: Any, _robot: Any, gains: Any) -> Mistake:
+        told.append(gains)
+        return Mistake((run.id,), "outlying", "odd")
+
     left: Any = SimpleNamespace(random_effects=np.arange(48.0).reshape(12, 4))
-    whole = Diagnosis("unknown", "so", session_of(12), leftover=left)
-    monkeypatch.setattr(module, "_sole_gains_of", lambda *_: None)
-    diagnosed(monkeypatch, whole, NOTHING, similar=True)
-    monkeypatch.setattr(module, "_sole_gains_of", lambda *_: ODD)
-    monkeypatch.setattr(Diagnosis, "fit", SimpleNamespace(point=SimpleNamespace(nominal={}), runs=tuple(range(12))))
-    monkeypatch.setattr(
-        module, "outlying_run", lambda run, _, __, gains: told.append(gains) or Mistake((run.id,), "outlying", "odd")
-    )
-    diagnose(whole.session, no_progress)
-    assert told == [(13.0, 14.0)]  # left and right, of friction, left, right and start
+    for sole, gains in ((None, None), (ODD, (13.0, 14.0))):  # left and right, of friction, left, right and start
+        monkeypatch.setattr(module, "sole_gains", lambda *_, sole=sole: sole)
+        whole = finding("unknown", leftover=left)
+        diagnosed(monkeypatch, whole, NOTHING, similar=True)
+        monkeypatch.setattr(module, "outlying_run", described)
+        diagnose(whole.session, no_progress)
+        assert told[-1] == gains

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import cast
 
-import numpy as np
 import pytest
 
-from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.verdict import best_named, decide
-from evaluator.diagnosis.inference.search import Search
+from tests.evaluator.diagnosis.ranked_sets import FAMILIES, Set, predicting, ranked
 
-NOTHING: frozenset[str] = frozenset()
+NOTHING: Set = frozenset()
 OFFSET, PAIR = frozenset({"mark-offset"}), frozenset({"mark-offset", "motor-droop"})
 TRIPLE = PAIR | {"friction-level"}
 FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_u.front-left"}
-PLATE = cast("Search", SimpleNamespace(problem=SimpleNamespace(open_ground=False)))
 
 
 @pytest.mark.parametrize(
@@ -47,15 +42,9 @@ PLATE = cast("Search", SimpleNamespace(problem=SimpleNamespace(open_ground=False
 def test_what_speaks_for_named_effects_and_what_against_them(
     scores: Mapping[frozenset[str], float], verdict: str, chosen: frozenset[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = "evaluator.diagnosis.assessment.verdict"
-    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
-    monkeypatch.setattr(f"{module}._strains", lambda *_: False)
-    monkeypatch.setattr(f"{module}._at_bounds", lambda *_: False)
-    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
-    monkeypatch.setattr(f"{module}._predicts", lambda _, ids, __: ids == BESIDE)
-    order = sorted(scores, key=lambda ids: -scores[ids])
-    search, table = PLATE, Standing(tuple(order), np.array([scores[ids] for ids in order]))
-    assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
+    predicting(monkeypatch, lambda ids, _: ids == BESIDE)
+    search, table = ranked(scores)
+    assert decide(search, table, FAMILIES, best_named(search, table, FAMILIES))[:2] == (chosen, verdict)
 
 
 @pytest.mark.parametrize(
@@ -71,17 +60,10 @@ def test_what_speaks_for_named_effects_and_what_against_them(
 def test_what_ends_at_a_bound_is_no_answer_however_probable(
     at_bound: set[frozenset[str]], verdict: str, chosen: frozenset[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = "evaluator.diagnosis.assessment.verdict"
+    predicting(monkeypatch, lambda *_: False)
     scores = {PAIR: 60.0, OFFSET: 30.0, FREE: 61.0 if FREE in at_bound or not at_bound else 5.0, NOTHING: 0.0}
-    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
-    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
-    monkeypatch.setattr(f"{module}._strains", lambda *_: False)
-    monkeypatch.setattr(f"{module}._predicts", lambda *_: False)
-    fits = {ids: SimpleNamespace(at_bounds=ids if ids in at_bound else NOTHING, unbelieved=NOTHING) for ids in scores}
-    order = sorted(scores, key=lambda ids: -scores[ids])
-    search = cast("Search", SimpleNamespace(fits=fits, problem=PLATE.problem))
-    table = Standing(tuple(order), np.array([scores[ids] for ids in order]))
-    assert decide(search, table, 95, best_named(search, table, 95))[:2] == (chosen, verdict)
+    search, table = ranked(scores, at_bound=at_bound)
+    assert decide(search, table, FAMILIES, best_named(search, table, FAMILIES))[:2] == (chosen, verdict)
 
 
 @pytest.mark.parametrize(
@@ -102,29 +84,16 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
     verdict: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    module = "evaluator.diagnosis.assessment.verdict"
+    predicting(monkeypatch, lambda *_: True)
+
+    def values(*sigmas: float) -> dict[str, float]:
+        """A start that is late by any time is no strain."""
+        return dict(zip(("green_y_mm", "yellow_y_mm", "start_common_s"), (*sigmas, 9.0), strict=True))
+
     scores = {PAIR: 30.0, OFFSET: 2.0, NOTHING: 0.0}
-    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
-    monkeypatch.setattr(f"{module}._relieves", lambda *_: False)
-    monkeypatch.setattr(f"{module}._predicts", lambda *_: True)
-    keys = ("green_y_mm", "yellow_y_mm", "start_common_s")
-
-    def fit(*sigmas: float) -> SimpleNamespace:
-        values = dict(zip(keys, (*sigmas, 9.0), strict=True))  # a start that is late by any time is no strain
-        columns = [SimpleNamespace(key=key, term=None) for key in keys]
-        point = SimpleNamespace(value=lambda column: 0.02 * values[column.key])
-        return SimpleNamespace(columns=columns, point=point, at_bounds=NOTHING, unbelieved=NOTHING)
-
-    fits = {PAIR: fit(*marks), OFFSET: fit(0.0, 0.0), NOTHING: fit(*null)}
-    search = SimpleNamespace(
-        fits=fits,
-        null=fits[NOTHING],
-        tolerance=dict.fromkeys(keys, 0.02),
-        problem=SimpleNamespace(open_ground=on_ground),
-    )
-    table = Standing(tuple(scores), np.array(list(scores.values())))
-    named = best_named(cast("Search", search), table, 95)
-    assert named == (PAIR if verdict == "effect" else NOTHING)
+    sigmas = {PAIR: values(*marks), OFFSET: values(0.0, 0.0), NOTHING: values(*null)}
+    search, table = ranked(scores, on_ground=on_ground, sigmas=sigmas)
+    assert best_named(search, table, FAMILIES) == (PAIR if verdict == "effect" else NOTHING)
 
 
 @pytest.mark.parametrize(
@@ -137,21 +106,9 @@ def test_a_set_that_moves_two_values_beyond_what_is_known_is_no_answer(
     ],
 )
 def test_one_effect_is_preferred_to_several_values_off_together(
-    gain: float, without: float, with_it: float, named: frozenset[str], monkeypatch: pytest.MonkeyPatch
+    gain: float, without: float, with_it: float, named: frozenset[str]
 ) -> None:
-    module = "evaluator.diagnosis.assessment.verdict"
-    scores = {OFFSET: gain, NOTHING: 0.0}
-    monkeypatch.setattr(f"{module}.score", lambda _, ids, __: scores.get(ids, -np.inf))
     keys = ("body.mass_g", "wheels.track_mm", "wheels.radius_mm", "plane_scale")
-
-    def fit(sigmas: float) -> SimpleNamespace:
-        columns = [SimpleNamespace(key=key, term=None) for key in keys]
-        posterior = SimpleNamespace(covariance=1e-4 * 0.02**2 * np.eye(len(keys)))
-        point = SimpleNamespace(value=lambda _: 0.02 * sigmas)
-        return SimpleNamespace(columns=columns, point=point, posterior=posterior, at_bounds=NOTHING, unbelieved=NOTHING)
-
-    fits = {OFFSET: fit(with_it), NOTHING: fit(without)}
-    plate = SimpleNamespace(open_ground=False)
-    search = SimpleNamespace(fits=fits, null=fits[NOTHING], tolerance=dict.fromkeys(keys, 0.02), problem=plate)
-    table = Standing(tuple(scores), np.array(list(scores.values())))
-    assert best_named(cast("Search", search), table, 95) == named
+    sigmas = {OFFSET: dict.fromkeys(keys, with_it), NOTHING: dict.fromkeys(keys, without)}
+    search, table = ranked({OFFSET: gain, NOTHING: 0.0}, sigmas=sigmas)
+    assert best_named(search, table, FAMILIES) == named

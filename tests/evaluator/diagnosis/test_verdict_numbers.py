@@ -12,28 +12,14 @@ import pytest
 from evaluator.diagnosis.assessment import verdict
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy
-from evaluator.diagnosis.assessment.model_comparison import Standing, score, standing
+from evaluator.diagnosis.assessment.model_comparison import score, standing
 from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays
 from evaluator.diagnosis.inference.search import Search, log_prior
 from evaluator.diagnosis.likelihood.known_to import CLOCK, START
+from tests.evaluator.diagnosis.ranked_sets import NONE, predicting, ranked, with_sigma
 
-NONE: frozenset[str] = frozenset()
 A, AB, ABC = frozenset({"a"}), frozenset({"a", "b"}), frozenset({"a", "b", "c"})
 B, FREE = frozenset({"b"}), frozenset({"free:x"})
-
-
-def ranked(
-    monkeypatch: pytest.MonkeyPatch, scores: dict[frozenset[str], float], *, on_ground: bool = False
-) -> tuple[Search, Standing]:
-    """A search whose sets have these scores and strain nothing; sets that are not named were never fitted."""
-    monkeypatch.setattr(verdict, "_strains", lambda *_: False)
-    monkeypatch.setattr(verdict, "_at_bounds", lambda *_: False)
-    monkeypatch.setattr(verdict, "_relieves", lambda *_: False)
-    monkeypatch.setattr(verdict, "_is_stood_for", lambda *_: False)
-    monkeypatch.setattr(verdict, "score", lambda _, ids, __: scores.get(ids, -np.inf))
-    order = sorted(scores, key=lambda ids: -scores[ids])
-    search: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=on_ground))
-    return search, Standing(tuple(order), np.array([scores[ids] for ids in order]))
 
 
 @pytest.mark.parametrize(
@@ -43,38 +29,29 @@ def ranked(
 )
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
 def test_an_effect_stays_at_odds_that_grow_from_two_to_three(
-    ids: frozenset[str],
-    below: dict[frozenset[str], float],
-    odds: float,
-    more: float,
-    enough: bool,
-    monkeypatch: pytest.MonkeyPatch,
+    ids: frozenset[str], below: dict[frozenset[str], float], odds: float, more: float, enough: bool
 ) -> None:
-    search, table = ranked(monkeypatch, {ids: max(below.values()) + odds + more, **below})
+    search, table = ranked({ids: max(below.values()) + odds + more, **below})
     assert pays(search, table, 95, ids) == enough
     assert (best_named(search, table, 95) == ids) == enough
 
 
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
-def test_a_single_effect_that_relieves_known_values_earns_less(
-    more: float, enough: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    search, table = ranked(monkeypatch, {A: 6.0 + more, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_relieves", lambda *_: True)
+def test_a_single_effect_that_relieves_known_values_earns_less(more: float, enough: bool) -> None:
+    """Without it four values are off by 2.9 tolerances each, together beyond chance."""
+    off = dict.fromkeys(("body.mass_g", "wheels.track_mm", "wheels.radius_mm", "plane_scale"), 2.9)
+    search, table = ranked({A: 6.0 + more, NONE: 0.0}, sigmas={NONE: off, A: dict.fromkeys(off, 0.0)})
     assert pays(search, table, 95, A) == enough
-    search, table = ranked(monkeypatch, {FREE: 7.9, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_relieves", lambda *_: True)
+    search, table = ranked({FREE: 7.9, NONE: 0.0}, sigmas={NONE: off, FREE: dict.fromkeys(off, 0.0)})
     assert not pays(search, table, 95, FREE)  # a term without a name relieves nothing: it names no cause
 
 
 @pytest.mark.parametrize(("more", "enough"), [(0.05, True), (-0.05, False)])
-def test_a_term_without_a_name_earns_as_much_as_a_first_effect_even_beside_two(
-    more: float, enough: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    search, table = ranked(monkeypatch, {FREE: 8.0 + more, NONE: 0.0})
+def test_a_term_without_a_name_earns_as_much_as_a_first_effect_even_beside_two(more: float, enough: bool) -> None:
+    search, table = ranked({FREE: 8.0 + more, NONE: 0.0})
     assert pays(search, table, 95, FREE) == enough
     beside = FREE | {"a"}
-    search, table = ranked(monkeypatch, {beside: 28.0 + more, A: 20.0, FREE: 10.0, NONE: 0.0})
+    search, table = ranked({beside: 28.0 + more, A: 20.0, FREE: 10.0, NONE: 0.0})
     assert pays(search, table, 95, beside) == enough
 
 
@@ -83,8 +60,8 @@ def test_a_free_term_that_pays_and_has_a_fifth_of_the_probability_casts_doubt(
     rival: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Odds of one to four are 1.386 below the named effect."""
-    search, table = ranked(monkeypatch, {A: 10.0, FREE: rival, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    search, table = ranked({A: 10.0, FREE: rival, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: False)
     assert decide(search, table, 95, A)[1] == answer
     shares = table.share_of([FREE], [A, FREE, NONE])
     assert (shares > 0.2) == (answer == "unknown")
@@ -97,9 +74,9 @@ def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_
     least_material: float, asked: bool, carries_over: bool, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scores = {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0}
-    search, table = ranked(monkeypatch, scores, on_ground=asked)
-    monkeypatch.setattr(verdict, "_predicts", lambda _, ids, other: carries_over if ids - other == FREE else asked)
-    monkeypatch.setattr(verdict, "_is_significant", lambda *_: told)
+    search, table = ranked(scores, on_ground=asked)
+    predicting(monkeypatch, lambda ids, other: carries_over if ids - other == FREE else asked)
+    with_sigma(monkeypatch, 0.1 if told else 1.0)
     found = decide(search, table, 95, A, least_material)
     assert found[:2] == ((FREE | A, "unknown") if (carries_over and told) or not asked else (A, "effect"))
 
@@ -125,19 +102,18 @@ def test_a_set_predicts_by_four_and_by_two_standard_errors(
     gain: float, error: float, better: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(verdict, "advantage", lambda *_: (gain, error))
-    plate = SimpleNamespace(data=(), open_ground=False)
-    search: Any = SimpleNamespace(fits={A: 1, FREE: 2}, problem=plate, tolerance={})
-    assert verdict._predicts(search, FREE, A) == better
+    search, table = ranked({AB: 30.0, A: 20.0, FREE | A: 28.2, NONE: 0.0})
+    assert decide(search, table, 95, AB)[1] == ("unknown" if better else "effect")
 
 
 def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_odds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of late motors and a drift, the drift helps some commands and harms others: the motors alone are the answer."""
-    search, table = ranked(monkeypatch, {AB: 500.0, A: 400.0, NONE: 0.0}, on_ground=True)
-    monkeypatch.setattr(verdict, "_predicts", lambda _, ids, other: ids - other != {"b"})
+    search, table = ranked({AB: 500.0, A: 400.0, NONE: 0.0}, on_ground=True)
+    predicting(monkeypatch, lambda ids, other: ids - other != {"b"})
     assert best_named(search, table, 95) == A
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    predicting(monkeypatch, lambda *_: False)
     assert best_named(search, table, 95) == NONE
     found = decide(search, table, 95, NONE, 9.0)
     assert found[:2] == (NONE, "insufficient")
@@ -157,22 +133,18 @@ def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_
 def test_an_effect_that_relieves_the_value_like_it_need_not_predict_commands_left_out(
     effect: str, key: str, without: float, with_it: float, carries: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fit(sigmas: float) -> SimpleNamespace:
-        return SimpleNamespace(
-            columns=[SimpleNamespace(key=key, term=None)], point=SimpleNamespace(value=lambda _: 0.02 * sigmas)
-        )
-
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
-    search: Any = SimpleNamespace(fits={NONE: fit(without), frozenset({effect}): fit(with_it)}, tolerance={key: 0.02})
-    assert carries_over(search, frozenset({effect})) == carries
+    predicting(monkeypatch, lambda *_: False)
+    ids = frozenset({effect})
+    search, _ = ranked({ids: 9.0, NONE: 0.0}, sigmas={NONE: {key: without}, ids: {key: with_it}})
+    assert carries_over(search, ids) == carries
 
 
 @pytest.mark.parametrize(("free", "answer"), [(8.1, "unknown"), (7.9, "none")])
 def test_a_free_term_that_predicts_must_also_gain_what_an_effect_needs(
     free: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search, table = ranked(monkeypatch, {FREE: free, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: True)
+    search, table = ranked({FREE: free, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: True)
     found = decide(search, table, 95, NONE)
     assert found[1] == answer
     assert found[0] == (FREE if answer == "unknown" else NONE)
@@ -185,8 +157,8 @@ def test_a_free_term_in_place_of_an_effect_is_less_probable_and_counts_if_it_pre
     free: float, predicts: bool, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By 30 to 28.2 it has 14 % of the probability, which is no doubt by itself."""
-    search, table = ranked(monkeypatch, {AB: 30.0, A: 20.0, FREE | A: free, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: predicts)
+    search, table = ranked({AB: 30.0, A: 20.0, FREE | A: free, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: predicts)
     assert decide(search, table, 95, AB)[1] == answer
 
 
@@ -211,8 +183,8 @@ def test_a_free_term_must_predict_better_than_the_answer_and_than_the_likeliest_
     answer: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    search, table = ranked(monkeypatch, scores)
-    monkeypatch.setattr(verdict, "_predicts", lambda _, __, other: other != as_well)
+    search, table = ranked(scores)
+    predicting(monkeypatch, lambda _, other: other != as_well)
     assert best_named(search, table, 95) == named
     assert decide(search, table, 95, named)[1] == answer
 
@@ -222,8 +194,8 @@ def test_the_doubt_is_shared_with_single_effects_that_do_not_pay(
     other: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of 10, 8.7 and 7.9 the free term has 19.5 % of the probability, of 10, 8.7 and 6 it has 21.1 %."""
-    search, table = ranked(monkeypatch, {A: 10.0, FREE: 8.7, B: other, NONE: 0.0})
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: False)
+    search, table = ranked({A: 10.0, FREE: 8.7, B: other, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: False)
     assert decide(search, table, 95, A)[1] == answer
 
 
@@ -231,9 +203,9 @@ def test_the_doubt_is_shared_with_single_effects_that_do_not_pay(
 def test_on_open_ground_a_free_term_that_takes_little_of_the_residuals_is_no_answer(
     least_material: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search, table = ranked(monkeypatch, {FREE | A: 40.0, A: 20.0, NONE: 0.0}, on_ground=True)
-    monkeypatch.setattr(verdict, "_predicts", lambda *_: True)
-    monkeypatch.setattr(verdict, "_is_significant", lambda *_: True)
+    search, table = ranked({FREE | A: 40.0, A: 20.0, NONE: 0.0}, on_ground=True)
+    predicting(monkeypatch, lambda *_: True)
+    with_sigma(monkeypatch, 0.1)
     assert decide(search, table, 95, A, least_material)[1] == answer
 
 
