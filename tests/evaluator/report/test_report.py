@@ -11,9 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
 from evaluator.files import write_text
 from evaluator.report.build import report_html
 from evaluator.report.style import THEME
+from evaluator.templates.formats import PAGE
+from evaluator.templates.result_tables import DISAGREEMENT
 from evaluator.workflow import Analysis, analyze
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
 
@@ -103,6 +106,7 @@ def test_repetitions_and_directions_are_pooled_on_the_page(tmp_path: Path) -> No
     runs += [(f"b{k}", -14.4, -33.3, circling_marks(5.5, speed_mm_s=-2.0, seed=9 + k, seconds=3)) for k in range(2)]
     found = analyze(write_experiment(tmp_path, runs), tmp_path / "out", simulate=True, workers=1)
     html = with_spaces(report_html(found))
+    assert undescribed("directions.csv", found.outputs.directions) == []
     assert 'id="repetitions"' in html
     assert "1 of 2 commands have fewer; 14.4 / 33.3, −14.4 / −33.3 rpm were driven to one side only" in html
     (bounds,) = re.findall(r"Backward turns are ([0-9.]+) % tighter than forward turns", html)
@@ -117,6 +121,28 @@ def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> N
     experiment = write_experiment(tmp_path, [("r01", 30.0, 30.0, circling_marks(np.inf))])
     html = report_html(analyze(experiment, tmp_path / "out", simulate=True, workers=1))
     assert "No run turns" in html
+
+
+def undescribed(name: str, path: Path) -> list[str]:
+    """Columns or keys of a written file that its part of the page of formats does not name."""
+    text = path.read_text(encoding="utf-8")
+    written = list(json.loads(text)) if path.suffix == ".json" else text.partition("\n")[0].split(",")
+    described = PAGE.read_text(encoding="utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
+    stands_for = {"MARK": "(green|yellow)", "WHEEL": "(front|rear)_(left|right)", "NAME": ".*"}
+    known = re.findall(r"`(\w+)`", described)
+    for word, names in stands_for.items():
+        known = [item.replace(word, names) for item in known]
+    return [key for key in written if not any(re.fullmatch(item, key) for item in known)]
+
+
+def test_every_column_of_the_written_tables_is_described_on_the_page_of_formats(analysis: Analysis) -> None:
+    outputs = analysis.outputs
+    files = {"marks/RUN.csv": outputs.marks("r01"), "poses/RUN.csv": outputs.poses("r01")}
+    files |= {"simulated/RUN.csv": outputs.simulated("r01"), "provenance.json": outputs.provenance}
+    files |= {path.name: path for path in (outputs.comparison, outputs.pooled, outputs.turning)}
+    assert {name: undescribed(name, path) for name, path in files.items()} == {name: [] for name in files}
+    pieces = {*COLUMNS, *(f"after_{name}" for name in QUANTITIES)}
+    assert {key for keys in DISAGREEMENT for key in keys.split(", ")} >= pieces
 
 
 @pytest.mark.exam
