@@ -161,16 +161,15 @@ def reference_line(robot: Robot) -> Array:
     return np.asarray(np.array(first) - np.array(second))
 
 
-def wheel_sides(robot: Robot, marks_mm: Array) -> tuple[Array, Array]:
-    """Middles of the left and of the right wheels on the plate, x + iy in mm, (n,) each, from marks (n, 4)."""
+def wheel_paths(robot: Robot, marks_mm: Array) -> NDArray[np.complex128]:
+    """Wheels on the plate, x + iy in mm, (wheels, n), from marks (n, 4)."""
     first, second = (complex(*place) for place in reference_places(robot))
     seen = marks_mm[:, ::2] + 1j * marks_mm[:, 1::2]
     forward = (seen[:, 0] - seen[:, 1]) / (first - second)
     forward /= np.abs(forward)
     centre = seen.mean(axis=1) - forward * (first + second) / 2
     x, y = robot.wheel_positions_mm().T
-    left, right = (complex(x[side].mean(), y[side].mean()) for side in (y > 0, y < 0))
-    return centre + forward * left, centre + forward * right
+    return np.asarray(centre + forward * (x + 1j * y)[:, None])
 
 
 def reference_marks(table: pd.DataFrame, robot: Robot) -> pd.DataFrame:

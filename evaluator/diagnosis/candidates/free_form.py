@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,5 +243,28 @@ def _families() -> Iterator[tuple[Item, ...]]:
     yield Item("camera_x", "x_r_squared"), Item("camera_y", "y_r_squared")  # residual distortion of the lens
 
 
-# Not a candidate: the effect of different friction under the left and the right wheels
-UNEVEN_FRICTION = _family((Item("friction", "one", "left-right"),), PAPER_SIZE)
+@dataclass(frozen=True)
+class WheelFriction(FreeTerm):
+    """Relative change of the friction under single wheels. Not a candidate: see noise/friction_wander.py."""
+
+    weights: tuple[float, ...] = ()  # of the wheels
+
+    def kernel_terms(self, values: Sequence[float]) -> list[KernelTerm]:
+        """The term of the kernel for this change."""
+        channel = CHANNELS["friction"]
+        return [KernelTerm(channel, BASES["one"], float(values[0]) * scale_of_channel(channel), self.weights)]
+
+
+@cache
+def wheel_friction(wheels: int) -> tuple[WheelFriction, ...]:
+    """A term for each wheel of a robot with this number of wheels."""
+    change = coefficient("change", Item("friction", "one"))
+    return tuple(
+        WheelFriction(
+            f"friction-under-wheel-{wheel + 1}-of-{wheels}",
+            (change,),
+            lambda values: {"change": float(values[0])},
+            weights=tuple(float(other == wheel) for other in range(wheels)),
+        )
+        for wheel in range(wheels)
+    )

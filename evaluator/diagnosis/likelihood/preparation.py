@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import size_of
-from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
+from evaluator.diagnosis.candidates.free_form import wheel_friction
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.features import (
@@ -23,12 +23,12 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
-from evaluator.diagnosis.likelihood.noise.friction_wander import uneven_shifts, wander_shifts, whitening
+from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
-from evaluator.robot_geometry import wheel_sides
+from evaluator.robot_geometry import wheel_paths
 
 Floats = NDArray[np.float64]
 
@@ -109,31 +109,27 @@ def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list
     """Shifts of the channels of each run at the used frames, mm: by fitted quantities, and by varying friction.
 
     The first, (4, n, 4): start x, y, heading and constant friction, each changed by one unit. The second: see
-    wander_shifts and uneven_shifts. Zeros for a run that cannot be simulated at the point.
+    wander_shifts. Zeros for a run that cannot be simulated at the point.
     """
     step, half = float(problem.per_run_steps[FRICTION]), problem.half_distance_mm
-    uneven = replace(point, terms={**point.terms, UNEVEN_FRICTION.id: (step,)})
-    tasks = [
-        task
-        for run in runs
-        for task in (point.task(run), point.task(run, step * np.eye(PER_RUN)[FRICTION]), uneven.task(run))
-    ]
-    marks = problem.forward.marks(tasks)
     found = []
-    for run, base, moved, turned in zip(runs, marks[::3], marks[1::3], marks[2::3], strict=True):
-        channels, used = channels_of(base), problem.compressions[run].used
-        throughout, by_side = (channel_residual(channels_of(part), channels, half) / step for part in (moved, turned))
+    for run in runs:
+        robot, used = problem.forward.robots[run], problem.compressions[run].used
+        wheels = wheel_friction(len(robot.wheel_positions_mm()))
+        tasks = [point.task(run), point.task(run, step * np.eye(PER_RUN)[FRICTION])]
+        tasks += [replace(point, terms={**point.terms, wheel.id: (step,)}).task(run) for wheel in wheels]
+        base, *changed = problem.forward.marks(tasks)
+        if np.isnan(base).all():
+            found.append((np.zeros((START_POSE + 1, used.sum(), 4)), np.zeros((MODES, used.sum(), 4))))
+            continue
+        channels = channels_of(base)
+        throughout, *by_wheel = (channel_residual(channels_of(part), channels, half) / step for part in changed)
         known = np.zeros((START_POSE + 1, *channels.shape))
         known[0, :, 0] = known[1, :, 1] = 1.0
         known[2, :, :3] = np.column_stack([-channels[:, 1], channels[:, 0], np.full(len(channels), half)])
         known[3] = throughout
-        sides_mm = wheel_sides(problem.forward.robots[run], np.nan_to_num(base))
-        wander = np.concatenate(
-            [
-                wander_shifts(channels, throughout, half),
-                uneven_shifts(channels, np.nan_to_num(by_side), sides_mm, half),
-            ]
-        )
+        wheels_mm = wheel_paths(robot, base)
+        wander = wander_shifts(channels, [np.nan_to_num(part) for part in by_wheel], wheels_mm, half)
         found.append((np.nan_to_num(known[:, used]), np.nan_to_num(wander[:, used])))
     return found
 

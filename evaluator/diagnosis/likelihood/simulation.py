@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
-from evaluator.diagnosis.candidates.free_form import UNEVEN_FRICTION
+from evaluator.diagnosis.candidates.free_form import wheel_friction
 from evaluator.diagnosis.likelihood.feature_cache import Paths
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import Pose, SharedErrors, Sight
@@ -60,7 +60,8 @@ class Simulated:
         self._mark_keys = [keys[id(robot)] for robot in self.robots]
         self._data = tuple(data)
         self._errors = [SharedErrors(run, self.known) for run in data]
-        self._terms = {UNEVEN_FRICTION.id: UNEVEN_FRICTION, **terms}
+        counts = {len(robot.wheel_positions_mm()) for robot in self.robots}
+        self._terms = {term.id: term for count in counts for term in wheel_friction(count)} | dict(terms)
         run_commands = [run.run_command for run in data]
         self._knots = [item.command.knots for item in run_commands]
         self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)

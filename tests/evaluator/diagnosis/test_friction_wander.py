@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,14 +13,14 @@ from evaluator.diagnosis.likelihood.features import Compression, channel_residua
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.common_drift import common_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import (
+    MODES,
     RATES,
     shift_by,
-    uneven_shifts,
     wander_shifts,
     whitening,
 )
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
-from evaluator.robot_geometry import wheel_sides
+from evaluator.robot_geometry import wheel_paths
 from simulator.robot import EffectEntry, Robot
 
 Floats = NDArray[np.float64]
@@ -60,48 +62,49 @@ def test_run_that_comes_onto_another_friction_goes_on_as_one_that_always_had_it(
     assert np.abs(told - there)[:, :3].max() < 0.02 * np.abs(there).max()
 
 
-def test_modes_have_the_variance_of_a_walk_about_its_mean() -> None:
+def test_modes_of_a_single_wheel_have_the_variance_of_a_walk_about_its_mean() -> None:
     """A straight run whose friction moved it ahead in proportion would show the walk itself in its speed."""
     base = np.column_stack([np.linspace(0, 30, 3001), np.zeros((3001, 3))])
-    speeds = np.diff(wander_shifts(base, base, HALF_MM)[:, :, 0], axis=1) / np.diff(base[:, 0])
+    shifts = wander_shifts(base, [base], base[None, :, 0] + 0j, HALF_MM)
+    speeds = np.diff(shifts[:, :, 0], axis=1) / np.diff(base[:, 0])
     assert np.sqrt(np.mean(np.sum(speeds**2, axis=0))) == pytest.approx(np.sqrt(30 / 6), rel=0.04)
 
 
-def _sides(path: NDArray[np.complex128], track_mm: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    left = 1j * track_mm / 2 * np.gradient(path) / np.abs(np.gradient(path))
-    return path + left, path - left
+def _differences(path: NDArray[np.complex128], wheels_mm: NDArray[np.complex128], signs: Sequence[float]) -> Floats:
+    """Speeds (MODES, n - 1) of a straight run that half of a difference of friction moves ahead in proportion."""
+    straight = np.column_stack([np.linspace(0, 20, len(path)), *np.zeros((3, len(path)))])
+    shifts = wander_shifts(straight, [sign / 2 * straight for sign in signs], wheels_mm, HALF_MM)
+    return np.asarray(np.diff(shifts[:, :, 0], axis=1) / np.diff(straight[:, 0]))
 
 
-@pytest.mark.parametrize("track_mm", [4.0, 8.0])
-def test_the_plate_differs_between_the_sides_as_its_friction_does_over_their_distance(track_mm: float) -> None:
-    """A straight run that half of the difference moved ahead in proportion would show that difference in its speed."""
-    base = np.column_stack([np.linspace(0, 20, 801), np.zeros((801, 3))])
-    shifts = uneven_shifts(base, base, _sides(base[:, 0] + 0j, track_mm), HALF_MM)
-    halves = np.diff(shifts[:, :, 0], axis=1) / np.diff(base[:, 0])
-    covariance = halves.T @ halves
-    assert np.sqrt(np.median(np.diag(covariance))) == pytest.approx(np.sqrt(track_mm) / 2, rel=0.1)
-    # ten millimetres farther, what is left of it
-    far = np.median(np.diag(covariance, 400))
-    assert far == pytest.approx((np.hypot(10, track_mm) - 10) / 4, rel=0.15, abs=0.02)
+@pytest.mark.parametrize("across", [True, False])
+@pytest.mark.parametrize("apart_mm", [4.0, 8.0])
+def test_friction_differs_between_wheels_by_their_distance(apart_mm: float, across: bool) -> None:
+    path = np.linspace(0, 20, 801) + 0j
+    away = (0.5j if across else 0.5) * apart_mm
+    speeds = _differences(path, np.array([path + away, path - away]), (1.0, -1.0))
+    covariance = speeds.T @ speeds
+    assert np.sqrt(np.median(np.diag(covariance))) == pytest.approx(np.sqrt(apart_mm) / 2, rel=0.1)
+    # ten millimetres farther, what is left of it: the variogram of the surface is the distance
+    ahead, behind = (10.0, 10.0) if across else (10 + apart_mm, 10 - apart_mm)
+    diagonal = np.hypot(10, apart_mm) if across else 0.0
+    left = (diagonal - 10) / 4 if across else (ahead + behind - 20) / 8
+    assert np.median(np.diag(covariance, 400)) == pytest.approx(left, rel=0.15, abs=0.05)
 
 
 def test_the_plate_under_a_robot_that_comes_back_is_the_same_again() -> None:
-    turn = np.linspace(0, 4 * np.pi, 801)
-    path = 3 * np.exp(1j * turn)
-    ahead = np.column_stack([np.cumsum(np.full(len(turn), 0.01)), *np.zeros((3, len(turn)))])
-    straight = np.column_stack([ahead[:, 0], *np.zeros((3, len(turn)))])
-    halves = np.diff(uneven_shifts(straight, ahead, _sides(path, 4.0), HALF_MM)[:, :, 0], axis=1)
-    np.testing.assert_allclose(halves[:, :380], halves[:, 400:780], atol=0.05 * np.abs(halves).max())
+    path = 3 * np.exp(1j * np.linspace(0, 4 * np.pi, 801))
+    left = 2j * np.gradient(path) / np.abs(np.gradient(path))
+    speeds = _differences(path, np.array([path + left, path - left]), (1.0, -1.0))
+    np.testing.assert_allclose(speeds[:, :380], speeds[:, 400:780], atol=0.1 * np.abs(speeds).max())
 
 
-def test_sides_are_where_the_wheels_are() -> None:
+def test_wheels_are_where_the_robot_has_them() -> None:
     heading, centre = 0.7, 3.0 - 2.0j
     marks = [centre + np.exp(1j * heading) * complex(*place) for place in BARREL.points_mm.values()]
     row = np.array([[part for mark in marks for part in (mark.real, mark.imag)]])
-    left, right = wheel_sides(BARREL, row)
-    half = 0.5j * BARREL.track_mm * np.exp(1j * heading)
-    assert left[0] == pytest.approx(centre + half)
-    assert right[0] == pytest.approx(centre - half)
+    expected = [centre + np.exp(1j * heading) * complex(*place) for place in BARREL.wheel_positions_mm()]
+    np.testing.assert_allclose(wheel_paths(BARREL, row)[:, 0], expected)
 
 
 def test_whitening_undoes_the_covariance() -> None:
@@ -119,8 +122,9 @@ def _session(seed: int, rate: float, drift_mm: float = 0.0) -> tuple[list[Linear
     views, compressions, modes = [], [], []
     for command in COMMANDS * 3:
         base, throughout = _channels(BARREL, command), _per_friction(command)
-        wander = wander_shifts(base, throughout, HALF_MM)
-        residual = rng.normal(0, WHITE.white_mm, base.shape) + np.einsum("knc,k->nc", wander, rng.normal(0, rate, 10))
+        wander = wander_shifts(base, [throughout], base[None, :, 0] + 1j * base[None, :, 1], HALF_MM)
+        walk = np.einsum("knc,k->nc", wander, rng.normal(0, rate, MODES))
+        residual = rng.normal(0, WHITE.white_mm, base.shape) + walk
         residual[:, :2] += rng.normal(0, drift_mm, 2) * TIME_S[:, None]
         made = compression(TIME_S, np.ones(len(TIME_S), dtype=bool), (WHITE,) * 4)
         start = np.zeros((3, *base.shape))

@@ -10,16 +10,18 @@ import pytest
 
 from evaluator.diagnosis import search_runs
 from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.free_form import wheel_friction
 from evaluator.diagnosis.inference import strategy
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.strategy import extend, run_search
+from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
 from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
-from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, UNEVEN_MODES, USUAL_WANDER
+from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, USUAL_WANDER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import build_problem, friction_shifts
-from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.search_input import Prepared
 from evaluator.progress import no_progress
@@ -96,13 +98,18 @@ def test_a_candidate_that_begins_where_it_acts_is_promised_what_its_fit_brings(t
     assert view.evidence(offer) - view.evidence() == pytest.approx(gain, rel=0.2)
 
 
-def test_the_plate_under_either_side_is_part_of_what_friction_does(faster: tuple[Search, Point]) -> None:
+def test_friction_under_single_wheels_adds_up_to_that_of_the_run(faster: tuple[Search, Point]) -> None:
     search, nominal = faster
-    _, wander = friction_shifts(search.problem, nominal, [0])[0]
-    along, across = np.split(np.abs(wander).max(axis=(1, 2)), [MODES])
-    assert len(across) == UNEVEN_MODES
-    assert along[0] > 0
-    assert across[-1] > 0  # the largest mode stands last
+    problem = search.problem
+    (known, wander), *_ = friction_shifts(problem, nominal, [0])
+    assert wander.shape == (MODES, *known.shape[1:])
+    assert np.abs(wander[-1]).max() > 10 * np.abs(wander[0]).max()  # the largest mode stands last
+    step = float(problem.per_run_steps[FRICTION])
+    changes = [{wheel.id: (step,)} for wheel in wheel_friction(4)]
+    marks = problem.forward.marks([nominal.task(0), *(replace(nominal, terms=terms).task(0) for terms in changes)])
+    base, *changed = (channels_of(part)[problem.compressions[0].used] for part in marks)
+    by_wheel = [channel_residual(part, base, problem.half_distance_mm) / step for part in changed]
+    assert np.abs(np.sum(by_wheel, axis=0) - known[3]).max() < 0.05 * np.abs(by_wheel).max()
 
 
 def test_a_search_from_a_large_misfit_owes_the_plate_what_is_usual(
