@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from simulator.exchange.creep import is_in_turn
 from simulator.robot import Robot
 
 SMALL_MM = 100.0
@@ -21,6 +22,11 @@ def losses(robot: Robot, left_rpm: float, right_rpm: float, kind: str = "mjcf") 
     ]
     if any(wheel.attraction_mN for wheel in robot.all_wheels):
         said.append("Magnetic attraction is a constant force at each wheel, independent of the distance to the plate.")
+    kept = [entry.id for entry in robot.effect if is_in_turn(robot, entry)]
+    if kept:
+        said.append(f"Effects ({', '.join(kept)}) act as at this turn: on loads, friction and speeds of the wheels.")
+    if left_out := [entry.id for entry in robot.effect if entry.id not in kept]:
+        said.append(f"Delays of the motors and errors of the measurement are left out: {', '.join(left_out)}.")
     if any(not wheel.grips for wheel in robot.all_wheels):
         said.append("Casters and balls are spheres without friction.")
     if kind == "sdf":

@@ -22,6 +22,7 @@ LIMIT = 3.0  # friction limit of a contact over the robot's, so that it creeps a
 CONTACTS = 2  # of a capsule with a plane
 NARROW = 1e-2  # of the radius: half the width of a wheel. Capsules, because their contact is aligned with the axle
 LAGS = 1e-4  # of the commanded rotation: loss of the motors under load
+FASTEST = 1e9  # rad/s² at which a wheel starts to turn; MuJoCo calls a motion unstable from ten times as much
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def mjcf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
 
     Raises SimulationError as contacts_in_turn does.
     """
-    _, contacts = contacts_in_turn(robot, left_rpm, right_rpm)
+    robot, contacts = contacts_in_turn(robot, left_rpm, right_rpm)
     units = Units.of(robot)
     step = _time_step_s(robot, contacts, units)
     creeps = [_creep(contact, robot, units) for contact in contacts]
@@ -73,7 +74,7 @@ def mjcf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
         _pair(pairs, contact, creep, step, softness, robot)
         if contact.rpm is not None:
             controls.append(contact.rpm * RAD_S_PER_RPM)
-            _motor(actuators, contact, units)
+            _motor(actuators, contact, units, robot)
     for contact in contacts:
         if contact.attraction_N:
             _attraction(actuators, contact, units)
@@ -197,8 +198,7 @@ def _pair(pairs: ET.Element, contact: Contact, creep: Creep, step: float, softne
     if not contact.wheel.grips or not contact.load_N > 0:
         ET.SubElement(pairs, "pair", condim="1", **hard)
         return
-    slip, ratio = contact.wheel.slip or robot.slip, creep.ratio
-    limit = LIMIT * max(slip.longitudinal_friction, slip.lateral_friction)
+    limit, ratio = LIMIT * contact.friction(robot), creep.ratio
     # Softness in the second direction is that in the first over the square of the ratio of the limits.
     friction = _numbers(limit / max(ratio, 1), limit * min(ratio, 1), 0, 0, 0)
     soft = _numbers(max(softness * creep.time, SHORTEST * step), 1)
@@ -224,12 +224,14 @@ def _inertia(robot: Robot, units: Units) -> tuple[float, float]:
     return yaw, max(box, 0.51 * yaw)
 
 
-def _motor(actuators: ET.Element, contact: Contact, units: Units) -> None:
+def _motor(actuators: ET.Element, contact: Contact, units: Units, robot: Robot) -> None:
     """A motor that holds its speed under the friction of its wheel; its control is the speed in rad/s."""
     wheel = contact.wheel
-    most = contact.load_N * units.per_N * wheel.radius_mm / units.length_mm
+    radius = wheel.radius_mm / units.length_mm
+    torque = contact.friction(robot) * contact.load_N * units.per_N * radius
     turning = max(abs(contact.rpm or 0.0), 1.0) * RAD_S_PER_RPM
-    gain = most / (LAGS * turning)
+    inertia = ARMATURE * robot.body.mass_g / units.mass_g * radius**2
+    gain = min(torque / LAGS, FASTEST * inertia) / turning
     ET.SubElement(actuators, "velocity", name=f"{wheel.name}_motor", joint=f"{wheel.name}_axle", kv=f"{gain:.6g}")
 
 

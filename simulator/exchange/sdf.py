@@ -19,7 +19,7 @@ def sdf(robot: Robot, left_rpm: float, right_rpm: float) -> str:
 
     Raises SimulationError as contacts_in_turn does.
     """
-    _, contacts = contacts_in_turn(robot, left_rpm, right_rpm)
+    robot, contacts = contacts_in_turn(robot, left_rpm, right_rpm)
     root = ET.Element("sdf", version="1.9")
     world = ET.SubElement(root, "world", name="plate")
     physics = ET.SubElement(world, "physics", name="steps", type="ignored")
@@ -97,13 +97,12 @@ def _wheel(model: ET.Element, robot: Robot, contact: Contact) -> None:
     _inertial(link, (0.0, 0.0, 0.0), mass, (0.4 * mass * radius**2,) * 3)
     collision = ET.SubElement(link, "collision", name="contact")
     _text(ET.SubElement(ET.SubElement(collision, "geometry"), "sphere"), "radius", f"{radius:.9g}")
-    slip = wheel.slip or robot.slip
     along, across = (
         abs(creep / MM_PER_M / force) if force else 0.0
         for force, creep in zip(contact.force_N, contact.creep_mm_s, strict=True)
     )
     # The first direction is that of the axle, which a wheel keeps as it turns.
-    limit = f"{LIMIT * max(slip.longitudinal_friction, slip.lateral_friction):.6g}"
+    limit = f"{LIMIT * contact.friction(robot):.6g}"
     slips = {"slip1": f"{across:.6g}", "slip2": f"{along or across:.6g}"}
     _friction(collision, {"mu": limit, "mu2": limit, "fdir1": "0 1 0", **slips})
     joint = ET.SubElement(model, "joint", name=f"{wheel.name}_axle", type="revolute")

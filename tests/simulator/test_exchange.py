@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.export_robot import export_robot
+from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.exchange.losses import losses
 from simulator.exchange.mjcf import mjcf
@@ -20,21 +21,29 @@ from simulator.robot import load_robot
 from simulator.steady import steady_turn
 from tests.simulator.effect_probe import affected
 
+LIMITED = {"id": "speed-limit", "wheel_rpm": 25.0, "ahead_rpm": 1e3, "turn_rpm": 5.0}
+
 
 @pytest.mark.parametrize(
-    ("name", "left_rpm", "right_rpm", "seconds"),
+    ("name", "effects", "left_rpm", "right_rpm", "seconds"),
     [
-        ("barrel", 33.3, 14.4, 0.5),
-        ("column", -33.3, -14.4, 0.5),
-        ("tire", 70.0, 100.0, 0.5),
-        ("two_driven_caster", 33.3, 14.4, 0.5),
-        ("four_driven", 60.0, 30.0, 10.0),
-        ("six_driven", 33.3, 14.4, 0.3),
+        ("barrel", [], 33.3, 14.4, 0.5),
+        ("column", [], -33.3, -14.4, 0.5),
+        ("tire", [], 70.0, 100.0, 0.5),
+        ("two_driven_caster", [], 33.3, 14.4, 0.5),
+        ("four_driven", [], 60.0, 30.0, 10.0),
+        ("six_driven", [], 33.3, 14.4, 0.3),
+        # effects as in the robot file of a diagnosis
+        ("barrel", [{"id": "magnet-imbalance", "left_over_right": 1.3}], 33.3, 14.4, 0.5),
+        ("barrel", [{"id": "mass-offset", "x_mm": -1.0, "y_mm": 0.5}, LIMITED], 33.3, 14.4, 0.5),
+        ("four_driven", [{"id": "sliding-friction", "share": 1.0}], 60.0, 30.0, 10.0),
     ],
 )
-def test_the_radius_is_reproduced_in_mujoco(name: str, left_rpm: float, right_rpm: float, seconds: float) -> None:
+def test_the_radius_is_reproduced_in_mujoco(
+    name: str, effects: list[dict[str, Any]], left_rpm: float, right_rpm: float, seconds: float
+) -> None:
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install turnscope[mujoco])")
-    robot = load_robot(name)
+    robot = load_robot(name).model_copy(update={"effect": tuple(map(EffectEntry.model_validate, effects))})
     model = mujoco.MjModel.from_xml_string(mjcf(robot, left_rpm, right_rpm))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -61,6 +70,10 @@ def test_what_cannot_be_exported_is_said() -> None:
         mjcf(affected(load_robot("barrel"), "plate-tilt", angle_deg=2.0), 33.3, 14.4)
     assert any("attraction" in sentence for sentence in losses(load_robot("barrel"), 33.3, 14.4))
     assert not any("attraction" in sentence for sentence in losses(load_robot("tire"), 33.3, 14.4))
+    delayed = affected(load_robot("tire"), "command-lag", dead_time_s=0.1, time_constant_s=0.1)
+    assert any("left out: command-lag" in sentence for sentence in losses(delayed, 33.3, 14.4))
+    scaled = affected(load_robot("tire"), "friction-level", factor=0.5)
+    assert any("(friction-level) act as at this turn" in sentence for sentence in losses(scaled, 33.3, 14.4))
     assert any("balls" in sentence for sentence in losses(load_robot("two_driven_caster"), 33.3, 14.4))
 
 
@@ -110,5 +123,5 @@ def test_mujoco_has_the_inertia_about_the_vertical_last() -> None:
 
 @pytest.mark.parametrize(("length", "small"), [(99.0, True), (101.0, False)])
 def test_a_robot_below_ten_centimetres_is_said_to_be_small_for_gazebo(length: float, *, small: bool) -> None:
-    robot: Any = SimpleNamespace(all_wheels=(), extent_mm=(length, 20.0))
+    robot: Any = SimpleNamespace(all_wheels=(), effect=(), extent_mm=(length, 20.0))
     assert any("for a robot this small" in sentence for sentence in losses(robot, 33.3, 14.4, "sdf")) == small
