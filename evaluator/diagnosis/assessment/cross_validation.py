@@ -50,14 +50,24 @@ def predicts_better(first: Fit, second: Fit, data: Sequence[RunData], tolerance:
     single commands with large residuals. Therefore the ratio of the residuals of both fits is tested for each command:
     it must exceed one on average (one-sided t test of the logarithms). One command alone shows no effect.
     """
-    aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
-    if len(aside) < 2:
+    ratios = _log_ratios(first, second, data, tolerance)
+    if len(ratios) < 2:
         return False
-    # the density of whitened features is a unit normal: its negative logarithm is half the sum of squares with noise
-    less, more = (np.maximum(-_densities(fit, aside, tolerance), 0.5) for fit in (first, second))
-    ratios = np.log(more / less)
     error = ratios.std(ddof=1) / np.sqrt(len(ratios))
     return bool(ratios.mean() > special.stdtrit(len(ratios) - 1, 1 - BY_CHANCE) * error)
+
+
+def mean_gain(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> float:
+    """Mean log ratio of the residuals of two fits on left-out commands; positive if those of the first are smaller."""
+    return float(_log_ratios(first, second, data, tolerance).mean())
+
+
+def _log_ratios(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> Floats:
+    """Logarithm (groups,) of residuals of the second fit over those of the first, for each left-out command."""
+    aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
+    # the density of whitened features is a unit normal: its negative logarithm is half the sum of squares with noise
+    less, more = (np.maximum(-_densities(fit, aside, tolerance), 0.5) for fit in (first, second))
+    return np.asarray(np.log(more / less))
 
 
 def _densities(fit: Fit, aside: Sequence[NDArray[np.int64]], tolerance: Mapping[str, float]) -> Floats:

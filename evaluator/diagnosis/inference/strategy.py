@@ -139,7 +139,8 @@ def _refit(
 ) -> None:
     """Fit the first `most` different sets, each from its two best initial values.
 
-    Once a set explains the runs, at most SINGLES_REFITTED are fitted, and those far below it end early.
+    Once a set explains the runs, at most SINGLES_REFITTED are fitted, and those far below it end early. On open ground
+    and over a short horizon the misfit of the null is large: no set is hopeless there.
     """
     tries: dict[frozenset[str], int] = {}
     top = -np.inf
@@ -153,7 +154,8 @@ def _refit(
             continue
         evidence = view.evidence(*offers)
         top = max(top, evidence)
-        if evidence < top - HOPELESS and len(tries) >= 3 and most < len(search.terms):
+        accurate = not search.problem.open_ground and most < len(search.terms)
+        if accurate and evidence < top - HOPELESS and len(tries) >= 3:
             break
         tries[ids] = tries.get(ids, 0) + 1
         starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}

@@ -188,6 +188,9 @@ def test_a_screened_set_is_fitted_from_its_two_best_places_and_hopeless_ones_are
     search.steps = 100
     strategy._refit(search, view, sets, 2, of(0.0))
     assert len(tried) == 3
+    search.steps, search.problem.open_ground = 0, True  # there the screening of a large misfit says little
+    strategy._refit(search, view, sets, 7, of(0.0))
+    assert tried[3:] == [("a", 0), ("a", 1), ("b", 3), ("c", 4), ("d", 5), ("e", 6)]
 
 
 def test_once_a_set_explains_the_runs_seven_more_are_fitted_at_most(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,6 +67,18 @@ def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monk
     assert set(search.fits) - {frozenset(), frozenset({"proxy"}), frozenset({FORM})} == {frozenset({"lag", FORM})}
 
 
+def test_what_acts_on_the_drive_is_fitted_whatever_its_place_in_the_screening(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, _ = search_of(monkeypatch)
+    mixed = "free:left_drive.right_command=right_drive.left_command"
+    search.terms = dict.fromkeys(
+        ("command-lag", "speed-limit", "scrub-torque", mixed, "free:moment.one"), cast("Any", None)
+    )
+    search.fits[frozenset({"command-lag"})] = lag = fit_of(frozenset({"command-lag"}))
+    search_ground.try_drives(search)
+    assert set(search.fits) == {frozenset(), *(frozenset({effect}) for effect in ("command-lag", "speed-limit", mixed))}
+    assert search.fits[frozenset({"command-lag"})] is lag
+
+
 @pytest.mark.parametrize(
     ("at_bound", "best"),
     [((), {"lag", FORM}), ((frozenset({"lag", FORM}),), {"lag", "proxy", FORM})],

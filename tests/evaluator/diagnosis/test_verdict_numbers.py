@@ -77,8 +77,29 @@ def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_
     search, table = ranked(scores, on_ground=asked)
     predicting(monkeypatch, lambda ids, other: carries_over if ids - other == FREE else asked)
     with_sigma(monkeypatch, 0.1 if told else 1.0)
+    monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
     found = decide(search, table, 95, A, least_material)
     assert found[:2] == ((FREE | A, "unknown") if (carries_over and told) or not asked else (A, "effect"))
+
+
+@pytest.mark.parametrize(
+    ("more", "gain", "predicts", "answer"),
+    [
+        (5.1, 0.1, False, "unknown"),
+        (4.9, 0.1, False, "effect"),
+        (5.1, -0.1, False, "effect"),
+        (0.1, -0.1, True, "unknown"),
+    ],
+)
+def test_on_open_ground_a_form_that_predicts_no_better_casts_doubt_where_it_is_materially_more_probable_and_no_worse(
+    more: float, gain: float, predicts: bool, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rival = FREE | B
+    search, table = ranked({rival: 20.0 + more, A: 20.0, B: 1.0, FREE: 1.0, NONE: 0.0}, on_ground=True)
+    predicting(monkeypatch, lambda ids, other: predicts or (ids, other) != (rival, A))
+    monkeypatch.setattr(verdict, "mean_gain", lambda *_: gain)
+    with_sigma(monkeypatch, 0.1)
+    assert decide(search, table, 95, A, 5.0)[1] == answer
 
 
 @pytest.mark.parametrize(("largest", "told"), [(2.2, False), (2.3, True)])
