@@ -90,14 +90,15 @@ class Run(Table):
         """Command over the time of the recording. Raises InputError if the log or the clock cannot be read."""
         from evaluator.interchange.commands import constant, from_log
 
-        rests, begin_s, stop_s = self.starts_at_rest, self.start_s, self.stop_s
+        rests, begin_s, stop_s, zero_s = self.starts_at_rest, self.start_s, self.stop_s, 0.0
         if self.poses is not None:  # if the clock counts from 1970: times of a recording begin at zero
-            from evaluator.interchange.poses import clock_zero_s
+            from evaluator.interchange.poses import clock_zero_s, in_recording_s
 
             zero_s = clock_zero_s(self.poses, self.topics)
-            begin_s, stop_s = begin_s - zero_s, None if stop_s is None else stop_s - zero_s
+            begin_s = in_recording_s(begin_s, zero_s)
+            stop_s = None if stop_s is None else in_recording_s(stop_s, zero_s)
         if self.commands is not None:
-            return from_log(self.commands, begin_s, starts_at_rest=rests, topics=self.topics)
+            return from_log(self.commands, begin_s, zero_s, starts_at_rest=rests, topics=self.topics)
         assert self.left_rpm is not None  # validated
         assert self.right_rpm is not None
         return constant(self.left_rpm, self.right_rpm, begin_s, stop_s, starts_at_rest=rests)

@@ -9,6 +9,7 @@ from pathlib import Path
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.bags import Topics, is_bag, read_commands
+from evaluator.interchange.poses import LARGEST_CLOCK_S
 from simulator.command import RPM_PER_RAD_S, Command, Stretch
 from simulator.errors import SimulationError
 
@@ -61,10 +62,16 @@ def constant(
 
 
 def from_log(
-    path: Path, zero_s: float = 0.0, *, starts_at_rest: bool = True, topics: Topics | None = None
+    path: Path,
+    zero_s: float = 0.0,
+    clock_s: float = 0.0,
+    *,
+    starts_at_rest: bool = True,
+    topics: Topics | None = None,
 ) -> RunCommand:
     """The commands of a log or a bag whose clock reads 0 at zero_s of the recording.
 
+    clock_s: reading of the recording's clock at its beginning, if it counts from 1970; so may the clock of the log.
     topics: of a bag; their wheels and track are also used for a table of velocities. Raises InputError with the file.
     """
 
@@ -79,4 +86,5 @@ def from_log(
         command = read_with(read, path)
     except SimulationError as error:
         raise InputError(str(error)) from error
-    return RunCommand(command.retimed(later_s=zero_s), starts_at_rest, logged=True)
+    later_s = zero_s - clock_s if abs(command.time_s[-1]) > LARGEST_CLOCK_S else zero_s
+    return RunCommand(command.retimed(later_s=later_s), starts_at_rest, logged=True)

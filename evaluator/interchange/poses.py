@@ -95,6 +95,14 @@ def clock_zero_s(path: Path, topics: Topics | None = None) -> float:
     return read_with(lambda file: _zero_s(_as_stated(file, topics or Topics())["time_s"].to_numpy(float)), path)
 
 
+def in_recording_s(stated_s: float, zero_s: float) -> float:
+    """A time by the clock of a recording, counted from its beginning, at which the clock reads zero_s.
+
+    If that clock counts from 1970, a stated time that does not is counted from the beginning already.
+    """
+    return stated_s - zero_s if abs(stated_s) > LARGEST_CLOCK_S else stated_s
+
+
 def _read(path: Path, topics: Topics) -> PoseTable:
     raw = _as_stated(path, topics)
     zero_s = _zero_s(raw["time_s"].to_numpy(float))

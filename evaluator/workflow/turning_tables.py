@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.interchange.poses import holds_poses, poses_of, read_poses
+from evaluator.interchange.poses import holds_poses, in_recording_s, poses_of, read_poses
 from evaluator.interchange.tracks import Tracks, read_points
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of, read_marks
@@ -127,7 +127,8 @@ def _of_poses(path: Path, request: Request) -> MeasuredTable:
     if request.ruler is not None:
         raise InputError(f"{path}: holds poses; --scale-px is for columns in px")
     read = read_poses(path)
-    start_s, stop_s = (None if at is None else at - read.zero_s for at in (request.start_s, request.stop_s))
+    stated = request.start_s, request.stop_s
+    start_s, stop_s = (None if at is None else in_recording_s(at, read.zero_s) for at in stated)
     head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
     shifted = replace(request, start_s=start_s, stop_s=stop_s)
     return _measured(head, poses_of(read.table), shifted, read.notes(), 0.0)

@@ -17,6 +17,7 @@ from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.errors import InputError
 from evaluator.interchange.poses import _from_quaternions, _with_noise, held, holds_poses, poses_of, read_poses
 from evaluator.report.build import write_report
+from evaluator.settings import Run as StatedRun
 from evaluator.workflow import analyze, check_experiment
 from evaluator.workflow.turning_tables import Request, measure_table
 from simulator.command import Command
@@ -172,6 +173,21 @@ def test_commands_and_poses_by_one_clock_that_counts_from_1970_stay_together(tmp
     assert row["late_s"] == pytest.approx(0.0, abs=5e-3)
     assert found.comparison is not None
     assert found.comparison["gap_rms_mm"][0] < 3 * SIGMA_MM
+
+
+@pytest.mark.parametrize("zero_s", [0.0, 1.7e9])
+def test_times_of_a_run_count_from_its_first_pose_where_only_the_poses_count_from_1970(
+    tmp_path: Path, zero_s: float
+) -> None:
+    (tmp_path / "r01.csv").write_text(f"time_s,x_mm,y_mm,heading_deg\n{zero_s},1,2,3\n{zero_s + 1},1,2,4\n")
+    (tmp_path / "c01.csv").write_text("time_s,left_rpm,right_rpm\n0,10,20\n0.4,0,0\n")
+    poses, source = tmp_path / "r01.csv", {"id": "r01", "start_s": 0.5}
+    constant = StatedRun(**source, poses=poses, left_rpm=10.0, right_rpm=20.0, stop_s=0.9).run_command()
+    logged = StatedRun(**source, poses=poses, commands=tmp_path / "c01.csv").run_command()
+    by_clock = StatedRun(**source | {"start_s": zero_s + 0.5}, poses=poses, left_rpm=10.0, right_rpm=20.0).run_command()
+    assert (constant.start_s, constant.stop_s) == (0.5, 0.9)
+    assert (logged.start_s, logged.stop_s) == (0.5, 0.9)
+    assert by_clock.start_s == pytest.approx(0.5, abs=1e-6)
 
 
 def test_held_values_are_dropped_counted_and_said(tmp_path: Path) -> None:
