@@ -150,7 +150,8 @@ class _Stages:
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
         if self.run.poses is None and len(self.job.robot.points_mm) == 1:
-            raise InputError(f"run {self.run.id}: {NO_HEADING}; a comparison with the simulation needs two marks")
+            measured = "turnscope analyze measures radius and speed of the mark"
+            raise InputError(f"run {self.run.id}: {NO_HEADING}, and a comparison needs two marks; {measured}")
         assert isinstance(self.job.robot, Robot)  # jobs with simulation have a complete robot
         motion, seen = simulated_poses(self.job.robot, self.run_command, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
