@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluator.recording import Frame
 from evaluator.tracking.following.motion import Motion, Point, beyond
 from evaluator.tracking.observation import ABSENT, OK, Sighting
-from evaluator.tracking.refinement.blob import Blob, blobs_around
+from evaluator.tracking.refinement.blob import Blob, blobs_around, extends_beyond
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,8 @@ LEAST, MOST = 0.6, 1.7
 EXTENT = 0.45  # of a mark's chroma beyond that of its surroundings: less is not of its colour, as `learn_color` has it
 FADED = 0.55  # of the usual chroma: codec residue of a mark is paler than the mark
 RATE = 0.2  # weight of a new area or chroma in the usual one: slant and distance change them within a dozen frames
+RIM = 0.1  # of a blob's chroma: less chroma around it changes its threshold by less than 12 %
+SIMILAR = 0.5  # of the chroma beside a blob: what has more, and touches it, is the floor or the rim that it measured
 SOUGHT = 0.2  # of the usual area: smaller blobs are ignored
 OUTLINE = 1.0  # variance of the centre over (relative variance of the area × spread), measured in clips of known truth
 SLOWLY, SETTLED = 0.05, 10  # weight of a new squared change of the area; frames after which outliers are limited
@@ -110,12 +112,25 @@ class BlobFollower(Motion):
         best = next((one for one in near if not self._fault(one, light)), near[0])
         if fault := self._fault(best, light):
             return ABSENT[fault]
-        self.blob = best
+        self.blob = self._without_own_rim(best, frame, cell, half)
         # If a codec cuts or smears the outline, the errors of area and centre are correlated: a missing share of the
         # area at one end moves the centre by this share of the length.
         covariance = best.covariance_px2 + OUTLINE * self.unsteady * best.spread_px2
         (var_x, cov_xy), (_, var_y) = covariance.tolist()
         return Sighting(*best.center_px, var_x, var_y, cov_xy, OK)
+
+    def _without_own_rim(self, one: Blob, frame: Frame, cell: Array, half_px: float) -> Blob:
+        """The blob, without the chroma around it if that is a paler part of the mark (a shaded ball) and no floor.
+
+        Otherwise its threshold would rise until only its most colourful part is left.
+        """
+        paler = self.color.copy()
+        paler[4] = SIMILAR * one.beside
+        if one.beside < RIM * one.strength or extends_beyond(
+            frame, cell, paler, one.center_px, 2.0 * half_px, MOST * self.area_px2
+        ):
+            return one
+        return replace(one, beside=0.0)
 
     def _fault(self, one: Blob, light: float) -> str:
         """Why a blob is not the mark as it usually is; "" if it may be."""
@@ -143,7 +158,9 @@ class BlobFollower(Motion):
             self.area_px2 += rate * (self.blob.area_px2 - self.area_px2)
             self.strength += rate * (self.blob.strength - self.strength)
             beside = max(self.blob.beside, 0.0)  # a floor of nearly the colour is not the mark
-            self.color[4] += rate * (beside + EXTENT * (self.strength - beside) - self.color[4])
+            change = beside + EXTENT * (self.strength - beside) - self.color[4]
+            # A threshold that falls fast would make the mark larger than it may become from one frame to the next.
+            self.color[4] += (rate if change > 0.0 else RATE) * change
             # A bar of length l has a variance of l²/12 along it, an ellipse one of l²/16.
             (short, long), axes = np.linalg.eigh(self.blob.spread_px2)
             self.long_px = 2.0 * float(np.sqrt(max(long, 0.0)))

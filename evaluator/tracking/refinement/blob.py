@@ -96,6 +96,28 @@ def blobs_around(
     return found
 
 
+def extends_beyond(
+    frame: Frame, cell: Array, color: Array, place: tuple[float, float], half_px: float, most_px2: float
+) -> bool:
+    """Whether the region of a colour at a position covers more than an area, or is cut by a window about it.
+
+    half_px: half the side of the window; cell, color: see `color_window`.
+    """
+    assert frame.u is not None
+    assert frame.v is not None
+    rows, columns = frame.u.shape
+    left, right = _span(place[0], half_px, cell[2], cell[0], columns)
+    top, bottom = _span(place[1], half_px, cell[3], cell[1], rows)
+    u, v = (plane[top:bottom, left:right].astype(np.float32) for plane in (frame.u, frame.v))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(_members(u, v, color)[1], connectivity=8)
+    row, column = round((place[1] - cell[3]) / cell[1]) - top, round((place[0] - cell[2]) / cell[0]) - left
+    if not (0 <= row < bottom - top and 0 <= column < right - left and labels[row, column]):
+        return True
+    x, y, wide, high, area = stats[labels[row, column]].tolist()
+    whole = x > 0 and y > 0 and x + wide < right - left and y + high < bottom - top
+    return not whole or area * cell[0] * cell[1] > most_px2
+
+
 def _span(middle: float, half: float, origin: float, size: float, count: int) -> tuple[int, int]:
     """First sample within half of the middle, and one beyond the last."""
     return max(int(np.floor((middle - half - origin) / size)), 0), min(

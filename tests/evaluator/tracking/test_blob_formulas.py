@@ -193,3 +193,20 @@ def test_chroma_from_which_a_pixel_is_the_marks_lies_above_that_of_the_floor() -
     assert sighting.status == "ok"
     assert follower.color[4] == pytest.approx(beside + EXTENT * (strength - beside), rel=0.02)
     assert follower.color[4] > beside
+
+
+def test_paler_part_of_a_mark_does_not_raise_its_threshold() -> None:
+    """A ball of 36 px with half the colour where it is in shade, of which only the bright part was learnt."""
+    y, x = np.mgrid[:80, :80] - 39.5
+    share = 0.5 * (np.hypot(x, y) < 18.0) + 0.5 * (np.hypot(x - 4.0, y) < 14.0)
+    frame = stored(90.0 + share[..., None] * np.array([-30.0, 60.0, -20.0]))
+    assert frame.u is not None
+    assert frame.v is not None
+    strong = np.array([frame.u[40, 40], frame.v[40, 40]], float) - 128.0
+    length = float(np.hypot(*strong))
+    follower = BlobFollower(np.array([128.0, 128.0, *(strong / length), 0.6 * length, 0.8]), 616.0, 0.0)
+    for k in range(20):
+        sighting = follower.look_at(frame, np.array([1.0, 1.0, 0.0, 0.0]), (41.5, 39.5), 4.0, 0.1)
+        follower.accept(sighting, 0.1 * k)
+    assert sighting.status == "ok"
+    assert follower.area_px2 > 800.0
