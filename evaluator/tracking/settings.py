@@ -77,7 +77,8 @@ class TrackingSettings(Table):
     one rigid body; by default those of the robot. region_px: search only here. mask_px: boxes to ignore.
     distance_diameters: distance of the two marks of a body over their diameter, used to choose between candidates in
     the first frame (3.66 on the paper's robot). exposure: share of the frame interval for which the shutter is open; by
-    default learnt from fast marks.
+    default learnt from fast marks. readout_ms: of a rolling shutter, from the exposure of the first row of a frame to
+    that of the last; marks are then placed where they were when the middle row was exposed.
     """
 
     format: Literal[1] = 1
@@ -87,6 +88,7 @@ class TrackingSettings(Table):
     mask_px: tuple[Box, ...] = ()
     distance_diameters: Finite | None = Field(default=3.66, gt=0)
     exposure: Annotated[float, Field(ge=0, le=1)] | None = None
+    readout_ms: Annotated[float, Field(ge=0, lt=1000)] = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

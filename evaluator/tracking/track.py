@@ -17,6 +17,7 @@ from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.luma_marks.lights import LightFinder
 from evaluator.tracking.luma_marks.tags import TagFinder, tag_names
 from evaluator.tracking.observation import AMBIGUOUS, MISTAKEN, Sighting
+from evaluator.tracking.rolling_shutter import RollingShutter
 from evaluator.tracking.settings import TrackingSettings
 from evaluator.tracking.uncertainty.combine import refine, take_out
 
@@ -41,6 +42,7 @@ def track(
     times: list[float] = []
     frames: list[int] = []
     kinds: list[str] = []
+    height_px = 0
     # Plain numbers: objects would be examined again and again by the garbage collector.
     names = [part for name in wanted.mark for part in (watched.parts.get(name) or [name])]
     measured = {name: array("d") for name in names}
@@ -49,6 +51,7 @@ def track(
         times.append(frame.time_s)
         frames.append(frame.index)
         kinds.append(frame.kind)
+        height_px = frame.size_px[1]
         for name, one in (*zip(tracker.names, sightings, strict=True), *watched.found.pop(frame.index, {}).items()):
             measured[name].extend(one[:5])
             status[name].append(one.status)
@@ -65,7 +68,8 @@ def track(
         _put_in_order(time_s, [(numbers[name], status[name]) for name in wanted.twins])
     corners = {name: parts[1:] for name, parts in watched.parts.items()}
     unlike = bool(wanted.pair) and not tracker.second_look.plausible
-    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners, unlike=unlike)
+    shutter = RollingShutter(wanted.readout_ms / 1000.0, height_px) if wanted.readout_ms else None
+    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners, unlike=unlike, shutter=shutter)
     return to_table(frames, time_s, numbers, status)
 
 

@@ -15,6 +15,7 @@ from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, UNLIKE, WRONG_DISTANCE
+from evaluator.tracking.rolling_shutter import RollingShutter, place_at_frame_time
 from evaluator.tracking.uncertainty.codec import hidden_variance
 from evaluator.tracking.uncertainty.course import Course, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
@@ -41,17 +42,19 @@ def refine(
     tags: Mapping[str, Sequence[str]] = MappingProxyType({}),
     *,
     unlike: bool = False,
+    shutter: RollingShutter | None = None,
 ) -> None:
     """Correct centres, complete variances and remove marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
     status: per mark, of every frame. body: marks on one rigid body. tags: the corners of each. unlike: whether no pair
-    ever looked like the marks of a robot, so that only motion can confirm them.
+    ever looked like the marks of a robot, so that only motion can confirm them. shutter: a rolling one, corrected for.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
     for name, shown in again.items():
         take_out(numbers[name], status[name], shown, REPEATED)
+    place_at_frame_time(times, numbers, shutter)
     _take_out_impossible(time_s, numbers, status, followers, body)
     if unlike and not any(travels(numbers[name][:, :2], followers[name].radius_px) for name in followers):
         for name, values in numbers.items():

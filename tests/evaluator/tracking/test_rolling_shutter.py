@@ -1,0 +1,61 @@
+"""Rolling shutter: marks at the time of their row against the same motion at the times of the frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluator.tracking.rolling_shutter import RollingShutter, place_at_frame_time
+
+Array = np.ndarray
+SHUTTER = RollingShutter(readout_s=0.02, height_px=481)
+TIMES = np.arange(90) / 60.0
+SPEED_RAD_S = 4.0  # 100 px radius: 6.7 px a frame
+
+
+def on_circle(time_s: Array) -> Array:
+    return np.stack([320.0 + 100.0 * np.cos(SPEED_RAD_S * time_s), 240.0 + 100.0 * np.sin(SPEED_RAD_S * time_s)], -1)
+
+
+def as_recorded() -> Array:
+    """Places at which a rolling shutter records the mark: its time depends on the row, its row on the time."""
+    when = TIMES.copy()
+    for _ in range(50):
+        when = TIMES + SHUTTER.lag_s(on_circle(when)[:, 1])
+    return on_circle(when)
+
+
+def marks(places: Array) -> Array:
+    return np.column_stack([places, np.full((len(places), 2), 0.03**2), np.zeros(len(places))])
+
+
+def test_marks_lie_where_they_were_when_the_middle_row_was_exposed() -> None:
+    values = marks(as_recorded())
+    assert np.hypot(*(values[:, :2] - on_circle(TIMES)).T).max() > 1.5
+    place_at_frame_time(TIMES, {"green": values}, SHUTTER)
+    assert np.hypot(*(values[:, :2] - on_circle(TIMES)).T).max() < 0.02
+
+
+def test_absent_marks_stay_absent_and_their_neighbours_are_still_moved() -> None:
+    values = marks(as_recorded())
+    values[[0, 20, 21, 50]] = np.nan
+    place_at_frame_time(TIMES, {"green": values}, SHUTTER)
+    off = np.hypot(*(values[:, :2] - on_circle(TIMES)).T)
+    assert np.flatnonzero(np.isnan(off)).tolist() == [0, 20, 21, 50]
+    assert np.nanmax(off) < 0.08
+
+
+def test_a_centre_whose_speed_is_not_known_is_as_unsure_as_it_may_have_moved() -> None:
+    values = marks(as_recorded())
+    alone = 45
+    values[alone - 9 : alone], values[alone + 1 : alone + 10] = np.nan, np.nan
+    before = values[alone].copy()
+    place_at_frame_time(TIMES, {"green": values}, SHUTTER)
+    np.testing.assert_array_equal(values[alone, :2], before[:2])
+    shift = 100.0 * SPEED_RAD_S * abs(SHUTTER.lag_s(before[1:2])[0])
+    assert 0.9 * shift < np.sqrt(values[alone, 2] - before[2]) < 1.1 * shift
+
+
+def test_without_a_rolling_shutter_nothing_moves() -> None:
+    values = marks(as_recorded())
+    place_at_frame_time(TIMES, {"green": values}, None)
+    np.testing.assert_array_equal(values, marks(as_recorded()))
