@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.tracking.detection.color_map import ColorMap, allowed_cells, color_map
-from evaluator.tracking.detection.find import LARGEST_RATIO, SMALLEST_RATIO, STRIPE, blobs_of, find_marks
+from evaluator.tracking.detection.find import LARGEST_RATIO, SMALLEST_RATIO, STRIPE, blobs_of, find_marks, is_known
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.settings import TrackingSettings
 
@@ -72,8 +72,9 @@ def _of_mark(
     planes = hue.reshape(colors.chroma.shape)
     with np.errstate(invalid="ignore"):
         within = np.mod(planes - np.float32(low), 360) < np.mod(high - low, 360)
+    mask = within & allowed & (colors.chroma > colors.floor)
     explained = []
-    for blob in blobs:
+    for blob in _with_own(blobs, blobs_of(name, colors, np.flatnonzero(mask)) if mask.any() else []):
         column, row = (
             round((at - first) / size)
             for at, first, size in zip(blob.center_px, colors.origin_px, colors.cell_px, strict=True)
@@ -85,8 +86,17 @@ def _of_mark(
             "chosen" if taken else _refusal(blob, of_blob, (low, high), colors.floor, mark.diameter_px, allowed=here)
         )
         explained.append(Explained(blob, of_blob, verdict, taken))
-    mask = within & allowed & (colors.chroma > colors.floor)
     return Seen(name, mask, colors.cell_px, colors.origin_px, (low, high), colors.floor, tuple(explained))
+
+
+def _with_own(blobs: list[Candidate], own: list[Candidate]) -> list[Candidate]:
+    """The most colourful blobs of any hue, some replaced by the largest of the mark's own hue that are not among them.
+
+    A mark that touches something of another hue (a hand that holds it) is a part of one blob with that.
+    """
+    largest = sorted(own, key=lambda one: -one.radius_px)[: MOST // 2]
+    missing = [one for one in largest if not any(is_known(one, [other]) for other in blobs)]
+    return [*missing, *blobs][:MOST]
 
 
 def _is_part(chosen: Candidate, blob: Candidate) -> bool:

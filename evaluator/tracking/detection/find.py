@@ -105,7 +105,7 @@ def _candidates(
                 break
             least = SUMMIT * level if level > colors.floor else 0.0
             here = (one for one in blobs_of(name, colors, cells) if one.chroma > least and _fits(one, mark))
-            blobs += [one for one in here if not _known(one, blobs)]
+            blobs += [one for one in here if not is_known(one, blobs)]
         found += blobs
     return shortlist(found, settings, MOST)
 
@@ -115,7 +115,7 @@ def _widened(low: float, high: float, by: float, ranges: list[tuple[float, float
     return (low - by * all(low != other for _, other in ranges), high + by * all(high != other for other, _ in ranges))
 
 
-def _known(blob: Candidate, blobs: list[Candidate]) -> bool:
+def is_known(blob: Candidate, blobs: list[Candidate]) -> bool:
     """Whether a blob is among those already found."""
     for other in blobs:
         small, large = sorted((blob.radius_px, other.radius_px))

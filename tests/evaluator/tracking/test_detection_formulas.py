@@ -24,7 +24,7 @@ from evaluator.tracking.detection.color_kernels import (
     is_color,
 )
 from evaluator.tracking.detection.explain import _hue_around, _is_part
-from evaluator.tracking.detection.find import _fits, _known, _widened, blobs_of
+from evaluator.tracking.detection.find import _fits, _widened, blobs_of, is_known
 from evaluator.tracking.detection.selection import (
     Candidate,
     _log_odds,
@@ -234,7 +234,7 @@ NEAR = [(6.2, 2.4, True), (6.3, 2.4, False), (4.1, 2.0, True), (3.9, 0.0, False)
 def test_blobs_of_two_levels_are_one_of_about_the_same_size_and_place(
     radius: float, away: float, *, known: bool
 ) -> None:
-    assert _known(replace(GREEN, radius_px=radius, center_px=(50.0 + away, 40.0)), [GREEN]) == known
+    assert is_known(replace(GREEN, radius_px=radius, center_px=(50.0 + away, 40.0)), [GREEN]) == known
 
 
 def test_a_range_of_hues_is_widened_where_no_other_begins() -> None:

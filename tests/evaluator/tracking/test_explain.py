@@ -53,6 +53,17 @@ def test_each_blob_is_told_why_it_is_not_the_mark(
     assert all(one.chosen == (reason == "chosen") for one in at_mark)
 
 
+def test_a_mark_that_touches_something_of_another_hue_is_listed_by_itself(tmp_path: Path) -> None:
+    canvas = texture(np.random.default_rng(6), strength=6.0)
+    paint(canvas, ellipse(120, 50), (200.0, 120.0), 0.0, (190, 110, 60))  # a hand
+    paint(canvas, ellipse(40, 40), (135.0, 120.0), 0.0, (40, 160, 70))
+    clip = Clip([finished(np.random.default_rng(6), canvas)], {}, 20.0)
+    (seen,) = explain(next(iter(open_recording(clip.write(tmp_path)))), TrackingSettings(mark={"green": {}}))
+    (ball,) = [one for one in seen.blobs if np.hypot(*np.subtract(one.blob.center_px, (135.0, 120.0))) < 4]
+    assert 1.8 * ball.blob.radius_px == pytest.approx(36.0, rel=0.1)
+    assert 82 < ball.hue_deg < 172
+
+
 def test_the_command_draws_what_the_search_saw_and_points_to_it(tmp_path: Path) -> None:
     video, sheet = moving(BLUE).write(tmp_path), tmp_path / "search.png"
     told = CliRunner().invoke(track, [str(video), "-o", str(tmp_path / "m.csv"), "-q"])
