@@ -1,4 +1,4 @@
-"""Files of pose estimators as named points: DeepLabCut (CSV and HDF5), SLEAP, movement."""
+"""Files of pose estimators as named points: DeepLabCut and SLEAP (CSV and HDF5), movement."""
 
 from __future__ import annotations
 
@@ -44,6 +44,27 @@ def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
     return _likely(path, table[:, 0], columns, table[:, 1:], said)
 
 
+def read_sleap(path: Path, said: FileHints) -> NamedPoints:
+    """CSV of SLEAP: track, frame_idx, NODE.x, NODE.y and NODE.score, a row for each frame and individual."""
+    import pandas as pd
+
+    if said.rate_hz is None:
+        raise InputError(f"{path}: SLEAP counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
+    try:
+        table = pd.read_csv(path)
+        table = table[table["track"].fillna("") == table["track"].fillna("").iloc[0]]  # of several, the first
+        numbers = table.drop(columns="track").astype(float)
+    except (ValueError, IndexError, pd.errors.ParserError) as error:
+        raise InputError(f"{path}: {str(error).strip()}") from error
+    points = {}
+    for name in (column.removesuffix(".x") for column in numbers if column.endswith(".x")):
+        if f"{name}.y" in numbers:
+            points[name] = numbers[[f"{name}.x", f"{name}.y"]].to_numpy(copy=True)
+            if f"{name}.score" in numbers:
+                points[name][numbers[f"{name}.score"].to_numpy() < said.likelihood] = np.nan
+    return NamedPoints(numbers["frame_idx"].to_numpy() / said.rate_hz, points)
+
+
 def read_binary(path: Path, said: FileHints) -> NamedPoints:
     """HDF5 of SLEAP or DeepLabCut, or netCDF of movement."""
     with path.open("rb") as file:
@@ -65,10 +86,13 @@ def _read_hdf5(path: Path, said: FileHints) -> NamedPoints | None:
                 return _deeplabcut_table(path, file[DEEPLABCUT_KEY], said)
             if {"tracks", "node_names"} <= set(file):
                 return _sleap_analysis(path, file, said)
+            is_project = {"instances", "points"} <= set(file)
     except InputError:
         raise
     except (OSError, IndexError, AttributeError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
+    if is_project:
+        raise InputError(f"{path}: a project of SLEAP; export it there as an analysis file (HDF5 or CSV)")
     return None
 
 

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from evaluator.errors import InputError
 from evaluator.interchange.named_points import FileHints, NamedPoints
 from evaluator.interchange.plain_table import columns_of, plain_unit, read_plain
-from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut
+from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut, read_sleap
 from evaluator.interchange.tracker_files import (
     cells_of,
     delimiter_of,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from calibration.camera import Camera
 
 Array = NDArray[np.float64]
-Program = Literal["turnscope", "plain", "tracker", "project", "deeplabcut", "movement"]
+Program = Literal["turnscope", "plain", "tracker", "project", "deeplabcut", "sleap", "movement"]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 
@@ -158,6 +158,7 @@ def _foreign_points(
         "tracker": read_tracker_text,
         "project": read_project,
         "deeplabcut": read_deeplabcut,
+        "sleap": read_sleap,
         "movement": read_binary,
     }
     named = _whole(readers[program], path, said)
@@ -178,7 +179,11 @@ def _foreign_points(
             f'{path}: the file has no unit of length; say --unit mm (px, cm, m), or unit = "mm" in [tracks]'
         )
     if len(time) < 2 or not np.all(np.diff(time) > 0):
-        raise InputError(f"{path}: times must be at least two and increase from row to row")
+        back = np.flatnonzero(np.diff(time) <= 0)
+        where = f"; row {back[0] + 2} of the data does not come after the one before" if len(back) else ""
+        raise InputError(
+            f"{path}: times must be at least two and increase from row to row{where} (of several objects, keep one)"
+        )
     return time, points, unit
 
 
@@ -209,6 +214,8 @@ def program_of(path: Path) -> Program:
     lines = head.decode("utf-8", errors="replace").splitlines()
     if lines and lines[0].split(",")[0].strip() == "scorer":
         return "deeplabcut"
+    if lines and {"track", "frame_idx"} <= set(lines[0].split(",")):
+        return "sleap"
     if len(lines) > 1 and "t" in cells_of(lines[1], delimiter_of(lines[1])):
         return "tracker"
     return "plain" if lines and _is_plain(lines[0]) else "turnscope"

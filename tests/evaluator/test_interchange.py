@@ -195,6 +195,27 @@ def test_sleap_analysis_is_read(truth: pd.DataFrame, tmp_path: Path) -> None:
         read_any_marks(tmp_path / "sleap.h5", Tracks(green="left", yellow="right", unit="mm"))
 
 
+def test_csv_of_sleap_is_read_for_its_first_track(truth: pd.DataFrame, tmp_path: Path) -> None:
+    places = truth[list(COLUMNS[1:])].to_numpy()
+    lines = ["track,frame_idx,instance.score,left.x,left.y,left.score,right.x,right.y,right.score"]
+    for k, (a, b, c, d) in enumerate(places):
+        lines.append(f"robot,{k},0.9,{a},{b},{0.1 if k == 5 else 0.9},{c},{d},0.9")
+        lines.append(f"other,{k},0.9,1,2,0.9,3,4,0.9")
+    path = tmp_path / "sleap.csv"
+    path.write_text("\n".join(lines).replace("nan", ""), encoding="utf-8")
+    expected = truth.copy()
+    expected.loc[5, ["green_x_mm", "green_y_mm"]] = np.nan
+    assert_same(read_any_marks(path, Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0)), expected)
+
+
+def test_a_project_of_sleap_is_told_what_to_export(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
+    with h5py.File(tmp_path / "robot.slp", "w") as file:
+        file["instances"], file["points"] = np.zeros(3), np.zeros(3)
+    with pytest.raises(InputError, match="a project of SLEAP; export it"):
+        read_any_marks(tmp_path / "robot.slp", Tracks(rate_hz=60.0))
+
+
 @pytest.mark.parametrize("layout", ["table", "fixed"])
 def test_hdf5_of_deeplabcut_is_read_as_its_csv_is(truth: pd.DataFrame, tmp_path: Path, layout: str) -> None:
     h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
