@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -27,6 +27,10 @@ FILLED = (0.85, 1.12)
 WIDE_WINDOWS = (1023, 2047, 4095)
 LEVELS = 12
 MOST_BLOBS = 3000  # largest blobs used of one mask: more are texture, and the limit bounds the time of a search
+# Above this number of pixels wide windows and levels are evaluated on a reduced image, whose blobs are as good a start
+# for the fit; no window becomes narrower than FINE_WINDOW.
+LARGE_PX, FINE_WINDOW = 60_000_000, 127
+STRIP = 256  # rows
 NOISE_SAMPLES = 50_000  # pixels, which determine the noise to 0.5 %
 LONGEST_AXIS_RATIO = 4.0  # a circle seen at 75 degrees
 
@@ -48,6 +52,10 @@ class Candidates:
         return Candidates(self.center_px[index], self.moments_px2[index], self.area_px[index])
 
 
+NO_CANDIDATES = Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
+BySign = Callable[[float], Candidates]  # from the sign of contrast
+
+
 @compiled()
 def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Area, first and second moments of each region about the corner of the image: (count, 6), region 0 left out."""
@@ -65,25 +73,44 @@ def _sums(labels, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
     return sums[1:]
 
 
-def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, Candidates]]:
-    """Dark blobs of about elliptical shape, window by window; noise: from `noise_of`."""
+def candidates_by_window(plane: Plane, noise: float) -> Iterator[tuple[int, BySign]]:
+    """Window by window: its width, and a function from the sign of contrast to blobs of about elliptical shape.
+
+    noise: from `noise_of`. Sign 1 finds blobs that are darker than their surroundings, -1 brighter ones.
+    """
     for window in WINDOWS:
         if window <= 2 * min(plane.shape):
             yield window, _at_window(plane, window, noise)
 
 
-def all_candidates(plane: Plane, noise: float) -> Candidates:
-    """Dark blobs of about elliptical shape from all windows and from global levels, with duplicates.
+def all_candidates(plane: Plane, noise: float, signs: tuple[float, ...]) -> list[Candidates]:
+    """Blobs of about elliptical shape from all windows and from global levels, with duplicates, for each sign.
 
-    noise: from `noise_of`.
+    noise: from `noise_of`. signs: as in `candidates_by_window`.
     """
-    found = [_at_window(plane, w, noise) for w in (*WINDOWS, *WIDE_WINDOWS) if w <= 2 * min(plane.shape)]
-    levels = np.quantile(plane[:: max(1, plane.shape[0] // 500)], np.linspace(0, 1, LEVELS + 2)[1:-1])
-    low, high = np.quantile(plane, [0.005, 0.995])
-    span = np.linspace(float(low), float(high), LEVELS + 2)[1:-1]
-    found += [_blobs(plane < level) for level in np.unique(np.concatenate([levels, span]))]
-    found = [each.take(np.argsort(-each.area_px, kind="stable")[:MOST_BLOBS]) for each in found]
-    return Candidates(*(np.concatenate([getattr(each, name) for each in found]) for name in Candidates.__annotations__))
+    found: list[list[Candidates]] = [[] for _ in signs]
+    for window in (*WINDOWS, *WIDE_WINDOWS):
+        if window <= 2 * min(plane.shape):
+            at_window = _at_window(plane, window, noise)
+            for sign, blobs in zip(signs, found, strict=True):
+                blobs.append(_largest(at_window(sign)))
+    factor = _reduction(plane, LARGE_PX)
+    small = _reduced(plane, factor)
+    for sign, blobs in zip(signs, found, strict=True):
+        levels = np.quantile(sign * plane[:: max(1, plane.shape[0] // 500)], np.linspace(0, 1, LEVELS + 2)[1:-1])
+        low, high = np.quantile(small, [0.005, 0.995]) if sign > 0 else -np.quantile(small, [0.995, 0.005])
+        span = np.linspace(float(low), float(high), LEVELS + 2)[1:-1]
+        for level in np.unique(np.concatenate([levels, span])):
+            mask = small < level if sign > 0 else small > -level
+            blobs.append(_largest(_enlarged(_blobs(mask), factor)))
+    return [
+        Candidates(*(np.concatenate([getattr(each, name) for each in blobs]) for name in Candidates.__annotations__))
+        for blobs in found
+    ]
+
+
+def _largest(blobs: Candidates) -> Candidates:
+    return blobs.take(np.argsort(-blobs.area_px, kind="stable")[:MOST_BLOBS])
 
 
 def noise_of(plane: Plane) -> float:
@@ -94,17 +121,55 @@ def noise_of(plane: Plane) -> float:
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0))
 
 
-def _at_window(plane: Plane, window: int, noise: float) -> Candidates:
-    mean = cv2.blur(plane, (window, window), borderType=cv2.BORDER_REFLECT)
-    span = cv2.blur(cv2.absdiff(plane, mean), (window, window), borderType=cv2.BORDER_REFLECT)
+def _at_window(plane: Plane, window: int, noise: float) -> BySign:
+    """Blobs by sign, against a mean and a threshold that both signs share."""
+    factor = max(1, window // FINE_WINDOW) if plane.size > LARGE_PX else 1
+    plane, side = _reduced(plane, factor), window // factor | 1
+    noise = noise if factor == 1 else noise_of(plane)
+    mean = cv2.blur(plane, (side, side), borderType=cv2.BORDER_REFLECT)
+    span = cv2.absdiff(plane, mean)
+    span = cv2.blur(span, (side, side), borderType=cv2.BORDER_REFLECT)
     # Half the mean deviation keeps the threshold between the two levels for dots that fill 5 to 60 % of the window;
     # four sigmas of noise keep flat ground empty.
-    return _blobs(plane < mean - np.maximum(0.5 * span, 4.0 * noise))
+    np.multiply(span, 0.5, out=span)
+    np.maximum(span, 4.0 * noise, out=span)
+
+    def blobs(sign: float) -> Candidates:
+        mask = np.empty(plane.shape, bool)
+        for top in range(0, len(plane), STRIP):  # no further copies of a large image
+            rows = slice(top, top + STRIP)
+            threshold = mean[rows] - span[rows] if sign > 0 else mean[rows] + span[rows]
+            mask[rows] = plane[rows] < threshold if sign > 0 else plane[rows] > threshold
+        return _enlarged(_blobs(mask), factor)
+
+    return blobs
+
+
+def _reduction(plane: Plane, most_px: float) -> int:
+    """Factor by which both sides of an image are reduced to at most a number of pixels."""
+    return max(1, int(np.ceil(np.sqrt(plane.size / most_px))))
+
+
+def _reduced(plane: Plane, factor: int) -> Plane:
+    """An image of means of factor × factor pixels; the last incomplete rows and columns are left out."""
+    if factor == 1:
+        return plane
+    height, width = (side // factor for side in plane.shape)
+    whole = plane[: height * factor, : width * factor]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _enlarged(blobs: Candidates, factor: int) -> Candidates:
+    """Blobs of a reduced image in px of the whole one."""
+    if factor == 1:
+        return blobs
+    center = factor * (blobs.center_px + 0.5) - 0.5
+    return Candidates(center, factor**2 * blobs.moments_px2, factor**2 * blobs.area_px)
 
 
 def _blobs(mask: NDArray[np.bool_]) -> Candidates:
     """Regions of a mask that are about elliptical and completely in view."""
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)
     sums = _sums(labels, count)
     sums = sums[sums[:, 0] >= SMALLEST_AREA_PX]
     area = sums[:, 0]

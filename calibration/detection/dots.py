@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calibration.assignment.neighbours import nearest
-from calibration.detection.candidates import WINDOWS, Candidates, all_candidates, candidates_by_window, noise_of
+from calibration.detection.candidates import (
+    NO_CANDIDATES,
+    WINDOWS,
+    Candidates,
+    all_candidates,
+    candidates_by_window,
+    noise_of,
+)
 from calibration.detection.disturbed import doubted, fit_again
 from calibration.detection.ellipse_fit import fit_dots
 from calibration.detection.image import Plane, dark_dots
@@ -73,10 +80,15 @@ def detect_dots(image: NDArray[np.generic], color: str | None = None, background
     plane = dark_dots(image, color, background)
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
     noise = noise_of(plane)
-    voted = [(sign, *_best_window(np.float32(sign) * plane, noise)) for sign in signs]
-    sign, _, candidates = max(voted, key=lambda vote: vote[1])
-    plane = np.float32(sign) * plane
-    return _dots(image, plane, *_fit(plane, candidates, noise, correlated=True))
+    votes = [_Vote(_signed(plane, sign), sign) for sign in signs]
+    for window, candidates in candidates_by_window(plane, noise):
+        for vote in votes:
+            if vote.open:
+                vote.try_window(window, candidates(vote.sign), noise)
+        if not any(vote.open for vote in votes):
+            break
+    best = max(votes, key=lambda vote: vote.votes)
+    return _dots(image, best.plane, *_fit(best.plane, best.candidates, noise, correlated=True))
 
 
 def every_dot(image: NDArray[np.generic], color: str | None = None, background: str | None = None) -> list[Dots]:
@@ -89,13 +101,16 @@ def every_dot(image: NDArray[np.generic], color: str | None = None, background: 
     noise = noise_of(plane)
     signs = (1.0,) if color is not None and background is not None else (1.0, -1.0)
     found = []
-    for sign in signs:
-        signed = np.float32(sign) * plane
-        candidates = _distinct(all_candidates(signed, noise))
-        fitted, covariance, rest = _fit(signed, candidates, noise, correlated=True)
+    for sign, candidates in zip(signs, all_candidates(plane, noise, signs), strict=True):
+        signed = _signed(plane, sign)
+        fitted, covariance, rest = _fit(signed, _distinct(candidates), noise, correlated=True)
         keep = _without_doubles(fitted, rest)
         found.append(_dots(image, signed, fitted[keep], covariance[keep], rest[keep]))
     return found
+
+
+def _signed(plane: Plane, sign: float) -> Plane:
+    return plane if sign > 0 else -plane
 
 
 def _distinct(candidates: Candidates) -> Candidates:
@@ -123,22 +138,31 @@ def _without_doubles(fitted: Array, noise: Array) -> NDArray[np.intp]:
     return np.array(chosen, dtype=np.intp)
 
 
-def _best_window(plane: Plane, noise: float) -> tuple[float, Candidates]:
-    """Candidates of the window with the most dots, weighted by diameter so that a dot outweighs many specks."""
-    votes, best = 0.0, Candidates(np.empty((0, 2)), np.empty((0, 3)), np.empty(0))
-    for window, candidates in candidates_by_window(plane, noise):
+@dataclass
+class _Vote:
+    """Search for the window with the most dots of one sign of contrast, weighted so that a dot outweighs many specks.
+
+    plane: the image times the sign. votes: sum of the diameters. open: whether a wider window may be better.
+    """
+
+    plane: Plane
+    sign: float
+    votes: float = 0.0
+    candidates: Candidates = NO_CANDIDATES
+    open: bool = True
+
+    def try_window(self, window: int, candidates: Candidates, noise: float) -> None:
+        """Count the dots among some of a window's blobs."""
         every = max(1, len(candidates) // TRIALS)
         tried = candidates.take(np.arange(0, len(candidates), every))
-        area = _area(_fit(plane, tried, noise)[0])
+        area = _area(_fit(self.plane, tried, noise)[0])
         vote = every * float(np.sqrt(area).sum())
-        if vote > votes:
-            votes, best = vote, candidates
+        if vote > self.votes:
+            self.votes, self.candidates = vote, candidates
         plenty = len(area) >= max(PLENTY[0], PLENTY[1] * len(tried))
-        if plenty and 2 * np.sqrt(np.median(area) / np.pi) < 0.5 * window:
-            break
-        if vote < 0.5 * votes and window > WINDOWS[0]:  # wider windows lose dots in uneven light
-            break
-    return votes, best
+        self.open = not (plenty and 2 * np.sqrt(np.median(area) / np.pi) < 0.5 * window)
+        if vote < 0.5 * self.votes and window > WINDOWS[0]:  # wider windows lose dots in uneven light
+            self.open = False
 
 
 def _fit(

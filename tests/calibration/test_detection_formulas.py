@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import correlate2d
 from scipy.stats import norm
 
-from calibration.detection.candidates import _blobs, noise_of
+from calibration.detection import candidates
+from calibration.detection.candidates import _blobs, all_candidates, noise_of
 from calibration.detection.disturbed import _usual, doubted, useful
 from calibration.detection.dots import Dots, _whole
 from calibration.detection.ellipse_fit import collect_pixels, derivatives, fit_dots
@@ -183,6 +184,21 @@ def test_a_dot_whose_edge_blur_and_all_reaches_the_rim_is_cut(axis: int, side: i
     reach = np.sqrt(inverse[axis, axis]) + 2.5 * fitted[5]
     fitted[axis] = reach - 0.5 + off if side == 0 else size[1 - axis] - 0.5 - reach - off
     assert bool(_whole(fitted[None], size)[0]) == whole
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_blobs_of_a_large_image_are_found_in_a_reduced_one_where_they_are(
+    monkeypatch: pytest.MonkeyPatch, sign: float
+) -> None:
+    y, x = np.mgrid[:530, :610]
+    plane = (200.0 - sign * 100.0 * (np.hypot(x - 301.3, y - 240.7) < 60.0)).astype(np.float32)
+    plane += np.random.default_rng(1).normal(0, 1, plane.shape).astype(np.float32)
+    monkeypatch.setattr(candidates, "LARGE_PX", plane.size // 9)
+    (found,) = all_candidates(plane, 1.0, (sign,))
+    disc = np.abs(found.area_px / (np.pi * 60.0**2) - 1) < 0.1
+    assert disc.sum() > candidates.LEVELS
+    assert np.abs(found.center_px[disc].mean(axis=0) - (301.3, 240.7)).max() < 0.1
+    assert np.abs(found.center_px[disc] - (301.3, 240.7)).max() < 0.6  # a fifth of a reduced pixel
 
 
 def test_noise_of_an_image_is_that_of_its_flat_ground() -> None:
