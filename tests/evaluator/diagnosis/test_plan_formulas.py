@@ -15,6 +15,7 @@ from evaluator.diagnosis.likelihood.point import Column
 from evaluator.robot_geometry import reference_places
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.robot import load_robot
+from tests.evaluator.diagnosis.synthetic import free_of_start, linear_runs
 
 
 def effect(name: str, step: float = 0.1, **said: Any) -> Candidate:
@@ -86,6 +87,7 @@ def test_path_of_a_straight_run_is_that_of_the_marks_from_the_origin_for_eight_s
         ((30.0, 60.0), (1, -1), [(30, 12.9), (60, 42)]),
         ((30.0, 60.0), (-1, 1), [(-30, -12.9), (-60, -42)]),
         ((30.0, 60.0), (-1, -1), [(-12.9, -30), (-42, -60)]),
+        ((10.0, 30.0, 60.0), (1, 1), [(4.3, 10), (21, 30), (25.8, 60)]),
         ((30.0,), (1, 1), [(12.9, 30), (21, 30)]),
     ],
 )
@@ -105,12 +107,12 @@ TELLS = {
 
 
 def laboratory(monkeypatch: pytest.MonkeyPatch) -> dict[str, Candidate]:
-    """Two effects, seen at ten steps of 0.1 each, and a nominal value known to 0.5."""
-    terms = {"a": effect("a"), "b": effect("b")}
+    """Two effects, seen at ten steps, of 0.1 and 0.05, and a nominal value known to 0.5."""
+    terms = {"a": effect("a"), "b": effect("b", step=0.05)}
     columns = [Column("k"), *(Column(name, 0, term) for name, term in terms.items())]
 
     def information(_r: Any, _t: Any, runs: list[CandidateRun], *_: Any) -> tuple[np.ndarray, list[Column]]:
-        return np.array([TELLS[run.heading_deg] for run in runs]) / np.outer([0.5, 1, 1], [0.5, 1, 1]), columns
+        return np.array([TELLS[run.heading_deg] for run in runs]) / np.outer([0.5, 1, 0.5], [0.5, 1, 0.5]), columns
 
     monkeypatch.setattr(plan, "_information", information)
     monkeypatch.setattr(plan, "_laboratory", lambda _: ((), {"k": 0.5, "exact": 0.0}))
@@ -132,6 +134,7 @@ def test_each_run_of_a_plan_tells_most_that_is_new_of_the_effects_and_repeats_co
     signs = [(np.sign(run.left_rpm), np.sign(run.right_rpm - run.left_rpm)) for run in runs]
     assert signs[:6] == signs[6:12] == [(1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)]
     assert len({run.command for run in runs[:12]}) == 12
+    assert {max(map(abs, run.command)) for run in runs} == {30.0, 60.0}
     assert runs[12].command in {runs[0].command, runs[6].command}
 
 
@@ -148,6 +151,23 @@ def test_an_effect_shows_by_what_values_within_their_tolerances_cannot_imitate(m
     assert of_a.measured_sigmas == pytest.approx(np.sqrt(alone))
     assert of_b.sigmas == pytest.approx(2.0)
     assert (of_b.measure, of_b.measured_sigmas) == ("", None)
+
+
+@pytest.mark.parametrize(
+    ("squares", "shown"), [((4.0, 0.0), ("size", 2.0)), ((9.0, 4.0), ("kind", 2.0)), ((0.0, 0.0), ("size", 0.0))]
+)
+def test_an_effect_is_as_visible_as_its_least_visible_parameter_but_for_those_that_only_say_of_which_kind_it_is(
+    squares: tuple[float, float], shown: tuple[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coordinates = tuple(Coordinate(name, 0.0, 0.1) for name in ("size", "kind"))
+    terms = {"a": effect("a"), "c": Candidate("c", coordinates, lambda values: {"size": values[0]})}
+    columns = [Column("a", 0, terms["a"]), Column("c", 0, terms["c"]), Column("c", 1, terms["c"])]
+    monkeypatch.setattr(plan, "_information", lambda *_: (np.diag([1.0, *squares])[None], columns))
+    monkeypatch.setattr(plan, "_laboratory", lambda _: ((), {}))
+    robot: Any = SimpleNamespace(tolerance={})
+    _, found = plan.expected(robot, terms, [CandidateRun(30.0, 30.0, 0.0)])
+    assert found.parameter == shown[0]
+    assert found.sigmas == pytest.approx(shown[1])
 
 
 def test_what_no_others_imitate_is_the_square_less_their_part() -> None:
@@ -167,3 +187,32 @@ def test_a_size_is_stated_as_the_parameter_that_its_coordinate_is_or_the_size_of
     tilt = replace(scale, coordinates=parts, physical=lambda _: {"angle_deg": 0.0, "azimuth_deg": 0.0})
     assert plan._stated(Column("tilt", 1, tilt), 2.0) == ("angle_deg", 2.0)
     assert plan._size(Column("tilt", 1, tilt)) == pytest.approx(2.0)
+
+
+def test_a_run_tells_what_its_start_pose_and_its_own_friction_cannot_imitate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place of an attraction has a column of its own, every other one of the eight around; a step no column."""
+    seen: list[Any] = []
+    terms = {
+        "magnet": effect("magnet", starts=tuple((float(place),) for place in range(8))),
+        "band": effect("band", stepwise=True, starts=((1.0,),)),
+        "tilt": effect("tilt"),
+    }
+    runs = linear_runs(count=2, parameters=6)
+
+    def hypothetical(*given: Any) -> Any:
+        seen.extend(given)
+        return SimpleNamespace(attempted=lambda *_: [runs[0], None, runs[1]]), None
+
+    monkeypatch.setattr(plan, "hypothetical", hypothetical)
+    asked = [CandidateRun(30.0, 30.0, 0.0)] * 3
+    found, columns = plan._information(load_robot("barrel"), terms, asked, [0, 1, 2], [Column("k")])
+    assert [(column.key, column.start) for column in columns] == [
+        ("k", None), ("magnet", (0.0,)), ("magnet", (2.0,)), ("magnet", (4.0,)), ("magnet", (6.0,)), ("tilt", None),
+    ]  # fmt: skip
+    scatter = np.array([0.02, 0.005, 0.005, 1.0])  # of friction, either gain, and the start in its own deviation
+    for run, information in zip(runs, (found[0], found[2]), strict=True):
+        _, common, own = free_of_start(run)
+        covariance = np.eye(len(common)) + own @ np.diag(scatter**2) @ own.T
+        np.testing.assert_allclose(information, common.T @ np.linalg.solve(covariance, common))
+    assert not found[1].any()
+    assert seen[-1] == pytest.approx(0.5 / 60)  # a run starts within half a frame
