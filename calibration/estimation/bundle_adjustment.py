@@ -18,7 +18,7 @@ from calibration.estimation.robust import HUBER, OUTLIER, huber_weights, robust_
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
-POSE_COUNT = 6
+POSE_COUNT = 6  # a rotation vector and a translation
 LENS_PARAMETERS = PARAMETERS[6:]
 STEPS = 60
 DISC_ROUNDS = 4

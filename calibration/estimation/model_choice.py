@@ -23,7 +23,7 @@ from calibration.estimation.robust import OUTLIER, robust_scale
 from calibration.lens import LensModel
 
 Array = NDArray[np.float64]
-FOLDS = 4
+FOLDS = 4  # neighbouring blocks, along rows, columns and diagonals, are in different ones (_fold)
 ENOUGH = 2000  # dots over all images
 CENTER = ("principal_x_px", "principal_y_px")
 # Lens models from simple to complex. The principal point is always free, because fixing it would hide its uncertainty.

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 Sides = Callable[[Array], tuple[Array, Array]]
 
 AVERAGED_S = 0.2  # of motion, for a velocity: several frames of a camera, one of a slow lidar
-LEAST_STEP_S = 0.01
-FEWEST_SAMPLES = 20
+LEAST_STEP_S = 0.01  # of offsets: logs hold ten to a hundred commands a second
+FEWEST_SAMPLES = 20  # velocities: fewer than three in each of BLOCKS give no interval
 # An offset far from the stated one is believed where it leaves less than half of the residuals of velocity that the
 # nearest ones leave: a log that repeats its commands fits nearly as well one repetition later.
 HALF = float(np.log(2))

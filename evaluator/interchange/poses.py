@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
 QUATERNION = ("qx", "qy", "qz", "qw")
-TUM_COLUMNS = 8
+TUM_COLUMNS = 8  # time, three coordinates and a quaternion; EuRoC's begins with the same ones
 # Larger times are those of clocks that count from 1970 or from the start of a computer; they are shifted to begin at 0.
 LARGEST_CLOCK_S = 1e6
 # Number of groups of equal values among others from which they are not a coincidence.

@@ -22,7 +22,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]
 
-FEWEST_IN_HALF = 4
+FEWEST_IN_HALF = 4  # runs: in three, a single outlying one decides the size
 # Tolerated relative difference of an effect between halves (one standard deviation): for effects known to 0.1 %, errors
 # of linearization cause differences of some per cent; effects that only imitate others differ by half.
 SAME_SIZE = 0.05

@@ -24,7 +24,7 @@ ALIKE = {
 }
 OF_A_MARK = ("_x_mm", "_y_mm")  # suffixes of the keys of positions of marks and of the centre of gravity
 DETERMINED = 0.5  # share by which the runs reduce the prior variance of a combination that they determine
-MOST_NAMED = 4
+MOST_NAMED = 4  # values in a sentence; all are in diagnosis.json
 AT_END = 1e-3  # of the range of a value: distance from its bound below which a fit is at the bound
 FINDING_SIGMAS = 3.0  # deviation in tolerances from which a value is reported: once in 370 by chance
 

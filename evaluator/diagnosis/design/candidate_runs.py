@@ -17,10 +17,10 @@ from simulator.simulation import simulate
 Floats = NDArray[np.float64]
 
 DURATION_S = 8.0  # of driving, where the plate is long enough
-SHORTEST_S = 2.0
+SHORTEST_S = 2.0  # four times what a turn takes to settle (relevance.SETTLED_S)
 STEPS_PER_S = 10  # of the path, to test whether it stays on the plate
-REST_S = 0.5
-HEADINGS_DEG = tuple(range(0, 360, 45))
+REST_S = 0.5  # before the motors start: ten frames of next_runs.RATE_HZ show where the robot stands
+HEADINGS_DEG = tuple(range(0, 360, 45))  # distinguish waves of one and of two periods over the heading
 MOST_LEVELS = 8  # one more than the speeds of the paper's straight runs
 SHARES = (1.0, 0.7, 0.4)  # of the faster wheel's speed: straight, a wide turn, a tight turn
 PIVOTS = (0.0, -1.0)  # of the faster wheel's speed: a turn about the resting wheel, and on the spot

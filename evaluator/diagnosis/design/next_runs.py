@@ -42,9 +42,9 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-RATE_HZ = 20.0
-RIVAL_PROBABILITY = 0.02
-MOST_RIVALS = 3
+RATE_HZ = 20.0  # of hypothetical frames: three times what the fastest modes need (features.FASTEST_HZ)
+RIVAL_PROBABILITY = 0.02  # as often the wrong one of two effects that are SAME_SIGMAS apart is more probable
+MOST_RIVALS = 3  # the runs that separate these are an afternoon's work already (MOST_RUNS)
 RIDGE = 1e-10  # regularization of a matrix with unit diagonal, for parameters that are equivalent
 MOST_RUNS = 8  # an afternoon's work; rivals that they cannot exclude count as inseparable
 # One sigma more than counts as separated, because sizes and scatter are known to some ten per cent only.

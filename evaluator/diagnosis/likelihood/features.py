@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
 FASTEST_HZ = 3.0  # includes two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms
-MOST_MODES = 72
+MOST_MODES = 72  # of a run of 12 s at FASTEST_HZ; longer ones, whose cost grows with it, are seen less fast
 AT_ONCE = 16  # frames
 DISTANCE_MODES = 8  # few, because the distance of the marks is constant except for errors of the camera
 # Difference of two correct implementations of the same model: steps, start transients, regularization.

@@ -14,11 +14,11 @@ from evaluator.diagnosis.likelihood.problem import Problem
 
 Floats = NDArray[np.float64]
 
-PER_RUN_PASSES = 9
-# Iterations in which slopes are updated by secants, with an eighth of the simulations; most runs converge within five.
+PER_RUN_PASSES = 9  # iterations; most runs converge within five
+# Iterations in which slopes are updated by secants, with an eighth of the simulations.
 SLOPES_LAST = 6
 PER_RUN_SETTLED = 0.02  # of one run's -2 log density: a hundredth of a sigma
-SHORTER = 0.3
+SHORTER = 0.3  # of a step that did not improve: the third such step is a few per cent of the first
 # Largest relative friction and gains of one run, and its start in standard deviations (0.1 s of half frames): larger
 # values mean that a linear step diverges, or that start_s is wrong in the experiment file.
 MOST_SCATTER = np.array([0.5, 0.5, 0.5, 12.0])

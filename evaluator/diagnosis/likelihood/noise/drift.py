@@ -18,9 +18,10 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise, correlat
 
 Floats = NDArray[np.float64]
 
-MODES = 8
-SIZES_MM = np.geomspace(2e-4, 2e-2, 24)
-LASTING_S = (0.5, 2.0, 8.0)
+MODES = 8  # as of the distance in a fit (features.DISTANCE_MODES); faster ones hold tracking noise only
+# Grid of the fit: from the precision of the model to a drift that anyone sees, by a fifth each; correlation times of a
+# run of ten seconds, which distinguishes no finer ones.
+SIZES_MM, LASTING_S = np.geomspace(2e-4, 2e-2, 24), (0.5, 2.0, 8.0)
 # Gain in log likelihood from which a drift is accepted: four standard deviations.
 BELIEVED = 8.0
 
