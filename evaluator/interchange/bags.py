@@ -158,16 +158,20 @@ def _of_numbers(array: Any, topics: Topics, where: str) -> tuple[float, float]:
     return float(array.data[0]), float(array.data[1])
 
 
+def heading_rad(x: Array, y: Array, z: Array, w: Array) -> Array:
+    """Heading of a body's x axis over the plane of x and y, from a quaternion (numbers, or arrays of them)."""
+    return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
+
+
 def _pose(stated: Any) -> tuple[Array, Array]:
     """Pose (3,) and covariance (3, 3) of a PoseWithCovariance, or of a Pose, which states none."""
     pose = getattr(stated, "pose", stated)
     at, q = pose.position, pose.orientation
-    heading = np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
     covariance = np.full((3, 3), np.nan)
     full = np.array(getattr(stated, "covariance", ()), dtype=float).reshape(-1)
     if len(full) == 36 and full[0] > 0:  # zeros, or -1 first, mean unknown by the definitions of these messages
         covariance = full.reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
-    return np.array([at.x, at.y, heading], dtype=float), covariance
+    return np.array([at.x, at.y, heading_rad(q.x, q.y, q.z, q.w)], dtype=float), covariance
 
 
 COMMANDS: dict[str, Callable[[Any, Topics, str], tuple[float, float]]] = {

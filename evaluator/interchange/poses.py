@@ -22,7 +22,7 @@ from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.files.csv_tables import csv_dialect, numbers_of
-from evaluator.interchange.bags import Topics, is_bag, read_trajectory
+from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
@@ -187,7 +187,7 @@ def _numbers(path: Path, lines: list[str], delimiter: str | None) -> Array:
 
 def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, int]) -> pd.DataFrame:
     """Heading of the body's x axis over the plane of x and y; order: columns of qx, qy, qz, qw."""
-    heading = _heading(*rows[:, list(order)].T)
+    heading = heading_rad(*rows[:, list(order)].T)
     return pd.DataFrame(
         {
             "time_s": seconds * rows[:, 0],
@@ -196,10 +196,6 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
             "heading_deg": np.degrees(heading),
         }
     )
-
-
-def _heading(x: Array, y: Array, z: Array, w: Array) -> Array:
-    return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
 def _from_csv(path: Path) -> pd.DataFrame:
@@ -213,7 +209,7 @@ def _from_csv(path: Path) -> pd.DataFrame:
         _take(path, table, name, MM_PER, "mm", found)
     for name in ("heading", "heading_sigma"):
         if name == "heading" and set(QUATERNION) <= set(table):
-            found["heading_deg"] = np.degrees(_heading(*(_column(path, table, part) for part in QUATERNION)))
+            found["heading_deg"] = np.degrees(heading_rad(*(_column(path, table, part) for part in QUATERNION)))
             continue
         _take(path, table, name, {unit: np.degrees(size) for unit, size in RAD_PER.items()}, "deg", found)
     _take(path, table, "xy_cov", {f"{unit}2": size**2 for unit, size in MM_PER.items()}, "mm2", found)
