@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import make_dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -124,3 +125,30 @@ def test_intervals_are_profiled_on_a_plate_of_effects_with_derivatives_whose_den
     )
     found: Any = profile_likelihood.profiles_of(search, ids)
     assert found == {name: ("fit", name) for name in told}
+
+
+def test_two_changes_as_a_whole_that_promise_most_are_fitted_from_the_model_as_its_file_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Effects without a derivative alone are screened there, and begin where their offer does."""
+    begun: list[Any] = []
+    promised = {1: 3.0, 2: 7.0, 3: 5.0}
+
+    def screen(_search: Any, point: Any, inside: Any, candidates: Any) -> Any:
+        assert (point, inside, [term.id for term in candidates]) == ("nominal", (), ["band"])
+        return SimpleNamespace(
+            offers=[("band", (place,)) for place in promised],
+            evidence=lambda offer: promised[offer[1][0]],
+            start_of=lambda offer: offer[1],
+        )
+
+    def fit_set(_search: Any, ids: frozenset[str], starts: Any, origin: Any) -> None:
+        begun.append((ids, starts, origin.point, origin.kind))
+
+    monkeypatch.setattr(strategy, "screen", screen)
+    monkeypatch.setattr(strategy, "fit_set", fit_set)
+    terms: Any = {name: SimpleNamespace(id=name, stepwise=name == "band") for name in ("band", "scale")}
+    null = make_dataclass("Null", ["point", "kind"])("of the null", "null")
+    nominal: Any = "nominal"
+    strategy._fit_whole_changes(Search(runs_of(9.0), terms, {}, (0,), {frozenset(): null}), nominal)
+    assert begun == [(frozenset({"band"}), {"band": (place,)}, "nominal", "null") for place in (2, 3)]
