@@ -195,8 +195,6 @@ class Information:
 
 def gains(found: Calibration, height_mm: float) -> tuple[float, ...]:
     """Factor on the uncertainty of positions without each image; NaN for the image of the plate, which is needed."""
-    if len(found.views) == 1:
-        return (float("nan"),)
     known = Information(found, height_mm)
     whole = known.place_sigma_mm()
     rest = [known.place_sigma_mm(without=k) / whole for k in range(1, len(found.views))]

@@ -77,6 +77,7 @@ def test_an_image_is_taken_out_or_put_in_as_by_solving_without_or_with_it(found:
     assert gains(found, MARK_MM)[1:] == pytest.approx(np.array(without) / sigma)
     assert min(without[:2]) > without[2] > sigma  # the image of uncertain dots gives least
     assert np.isnan(gains(some_of(found, [0]), MARK_MM)).tolist() == [True]
+    assert np.isnan(gains(some_of(found, [0, 1]), MARK_MM)).tolist() == [True, False]
     view, pose = found.views[2], found.fit.state.poses[2] * [1, 1, 1, 0.9, 0.9, 0.9]
     more = Information(some_of(found, [0, 1, 2, 3], (view, pose)), MARK_MM).place_sigma_mm()
     assert known.place_sigma_mm(known.of_image(view, pose)) == pytest.approx(more, rel=1e-6)
