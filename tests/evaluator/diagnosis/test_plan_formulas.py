@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from evaluator.diagnosis.design import candidate_runs, plan
 from evaluator.diagnosis.design.candidate_runs import CORNERS, MIDDLE, CandidateRun, Room, commands_at, placed
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.point import Column
 from evaluator.robot_geometry import reference_places
 from simulator.effects.coordinates import Candidate, Coordinate
@@ -49,9 +51,10 @@ def test_runs_are_as_long_as_their_path_fits_and_lie_where_it_leaves_room(
     half_mm: tuple[float, float], seconds: dict[int, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A robot 2 mm wide that drives 10 mm a second along its heading; along y 2 mm less room is left for it."""
-    ahead = np.arange(81.0)
-    path = np.column_stack([ahead, np.ones(81), ahead, -np.ones(81)])
-    monkeypatch.setattr(candidate_runs, "_path", lambda *_: path)
+    sides = tuple(np.column_stack([np.arange(81.0), np.full(81, side)]) for side in (1.0, -1.0))
+    told: Any = SimpleNamespace(is_by_chance=False, x_mm=None, y_mm=None, heading_rad=None, time_s=None)
+    monkeypatch.setattr(candidate_runs, "simulate", lambda *_: told)
+    monkeypatch.setattr(candidate_runs, "view_of", lambda *_: SimpleNamespace(marks=lambda *_: sides))
     room = Room((3.0, -2.0), half_mm)
     found = list(placed(load_robot("barrel"), (30.0, 30.0), (0, 90), room, (MIDDLE, CORNERS[0])))
     assert {run.heading_deg: run.duration_s for run in found} == seconds
@@ -65,7 +68,7 @@ def test_runs_are_as_long_as_their_path_fits_and_lie_where_it_leaves_room(
 
 
 def test_a_command_at_which_chance_decides_is_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(candidate_runs, "_path", lambda *_: None)
+    monkeypatch.setattr(candidate_runs, "simulate", lambda *_: SimpleNamespace(is_by_chance=True))
     assert not list(placed(load_robot("barrel"), (30.0, 30.0), (0,), Room((0.0, 0.0), (99.0, 99.0)), (MIDDLE,)))
 
 
@@ -106,29 +109,45 @@ TELLS = {
 }
 
 
-def laboratory(monkeypatch: pytest.MonkeyPatch) -> dict[str, Candidate]:
-    """Two effects, seen at ten steps, of 0.1 and 0.05, and a nominal value known to 0.5."""
-    terms = {"a": effect("a"), "b": effect("b", step=0.05)}
-    columns = [Column("k"), *(Column(name, 0, term) for name, term in terms.items())]
+def telling(information: np.ndarray) -> Linearized:
+    """A run of this information about its columns, whatever its start pose; random effects do nothing."""
+    values, vectors = np.linalg.eigh(information)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    size = len(root)
+    unit = np.eye(3 + size)
+    return Linearized(unit[0], np.vstack([np.zeros((3, size)), root]), unit[:, :3], np.zeros((3 + size, 4)))
 
-    def information(_r: Any, _t: Any, runs: list[CandidateRun], *_: Any) -> tuple[np.ndarray, list[Column]]:
-        return np.array([TELLS[run.heading_deg] for run in runs]) / np.outer([0.5, 1, 0.5], [0.5, 1, 0.5]), columns
 
-    monkeypatch.setattr(plan, "_information", information)
-    monkeypatch.setattr(plan, "_laboratory", lambda _: ((), {"k": 0.5, "exact": 0.0}))
-    return terms
+def laboratory(monkeypatch: pytest.MonkeyPatch, tells: Callable[[CandidateRun], np.ndarray], **tolerance: float) -> Any:
+    """A robot with values known to these tolerances, whose runs have this information."""
+
+    def hypothetical(_robot: Any, _terms: Any, _noise: Any, runs: list[CandidateRun], *_: Any) -> tuple[Any, None]:
+        return SimpleNamespace(attempted=lambda *_: [telling(tells(run)) for run in runs]), None
+
+    monkeypatch.setattr(plan, "hypothetical", hypothetical)
+    monkeypatch.setattr(plan, "quantities", lambda *_: ())
+    return SimpleNamespace(tolerance=tolerance)
+
+
+# Two effects, seen at ten steps, of 0.1 and 0.05, and a nominal value known to 0.5.
+BOTH = {"a": effect("a"), "b": effect("b", step=0.05)}
+
+
+def of_heading(run: CandidateRun) -> np.ndarray:
+    """What a run tells of the nominal value and of both effects at these sizes, see TELLS."""
+    return np.asarray(TELLS[run.heading_deg] / np.outer([0.5, 1.0, 0.5], [0.5, 1.0, 0.5]))
 
 
 def test_each_run_of_a_plan_tells_most_that_is_new_of_the_effects_and_repeats_come_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    terms = laboratory(monkeypatch)
+    robot = laboratory(monkeypatch, of_heading, k=0.5, exact=0.0)
     monkeypatch.setattr(
         plan,
         "placed",
         lambda _, command, *__: [CandidateRun(command[0], command[1], heading) for heading in (45.0, 0.0, 90.0)],
     )
-    runs = plan.plan_runs(load_robot("barrel"), terms, (30.0, 60.0), Room((0.0, 0.0), (9.0, 9.0)), 13)
+    runs = plan.plan_runs(robot, BOTH, (30.0, 60.0), Room((0.0, 0.0), (9.0, 9.0)), 13)
     # gains of a tell of 10, 19/10, 28/19, … and of b 5, 9/5, 13/9, …, in the order of their size
     assert [run.heading_deg for run in runs[:6]] == [0.0, 90.0, 0.0, 90.0, 0.0, 90.0]
     signs = [(np.sign(run.left_rpm), np.sign(run.right_rpm - run.left_rpm)) for run in runs]
@@ -139,11 +158,9 @@ def test_each_run_of_a_plan_tells_most_that_is_new_of_the_effects_and_repeats_co
 
 
 def test_an_effect_shows_by_what_values_within_their_tolerances_cannot_imitate(monkeypatch: pytest.MonkeyPatch) -> None:
-    terms = laboratory(monkeypatch)
-    robot: Any = SimpleNamespace(tolerance={"k": 0.5})
-    monkeypatch.setattr(plan, "prior_precision", lambda *_: np.array([4.0, 0.0, 0.0]))
+    robot = laboratory(monkeypatch, of_heading, k=0.5, exact=0.0)
     runs = [CandidateRun(30.0, 30.0, heading) for heading in (0.0, 0.0, 90.0, 45.0)]
-    of_a, of_b = plan.expected(robot, terms, runs)
+    of_a, of_b = plan.expected(robot, BOTH, runs)
     alone = 18.0 + 100.0
     seen = np.sqrt(alone - 100.0**2 / 101.0)
     assert (of_a.effect, of_a.parameter, of_a.nearest, of_a.measure) == ("a", "size", "b", "k")
@@ -161,10 +178,7 @@ def test_an_effect_is_as_visible_as_its_least_visible_parameter_but_for_those_th
 ) -> None:
     coordinates = tuple(Coordinate(name, 0.0, 0.1) for name in ("size", "kind"))
     terms = {"a": effect("a"), "c": Candidate("c", coordinates, lambda values: {"size": values[0]})}
-    columns = [Column("a", 0, terms["a"]), Column("c", 0, terms["c"]), Column("c", 1, terms["c"])]
-    monkeypatch.setattr(plan, "_information", lambda *_: (np.diag([1.0, *squares])[None], columns))
-    monkeypatch.setattr(plan, "_laboratory", lambda _: ((), {}))
-    robot: Any = SimpleNamespace(tolerance={})
+    robot = laboratory(monkeypatch, lambda _: np.diag([1.0, *squares]))
     _, found = plan.expected(robot, terms, [CandidateRun(30.0, 30.0, 0.0)])
     assert found.parameter == shown[0]
     assert found.sigmas == pytest.approx(shown[1])
