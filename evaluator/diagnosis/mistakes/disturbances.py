@@ -135,9 +135,12 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     """Runs that stand still, are briefly held or pushed, or whose camera moved; at most one of these for each run."""
     phases = [(phase, robot) for run, robot in zip(data, robots, strict=True) for phase in phases_of(run)]
     standing = {id(phase) for phase, robot in phases if _stands(phase, robot)}
+    of_run: dict[str, list[RunData]] = {}
+    for phase, _ in phases:
+        of_run.setdefault(phase.id, []).append(phase)
     found = []
     for run in data:
-        mine = [phase for phase, _ in phases if phase.id == run.id]
+        mine = of_run.get(run.id, [])
         wrongly = [
             phase
             for phase in mine

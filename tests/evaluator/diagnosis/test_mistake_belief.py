@@ -13,7 +13,8 @@ from evaluator.diagnosis.mistakes.alternatives import Alternative
 from evaluator.diagnosis.mistakes.hypotheses import (
     Judgement,
     _judged,
-    _least_share,
+    _judged_runs,
+    _least_shares,
     _usual_kinds,
     misread_runs,
 )
@@ -71,7 +72,7 @@ def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
         )
         for number, run in enumerate(data)
     ]
-    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: judgements)
+    monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
     assert kinds(misread_runs(data, [ROBOT] * 4)) == [(f"r{number}", "late-start") for number in range(told)]
 
 
@@ -90,7 +91,7 @@ def test_a_run_is_judged_from_a_smaller_misfit_on_where_similar_runs_fit_their_f
     one = Judgement(WAYS, np.array([1.0, 0.1, 9.0]), 10.0, ((5.0, 30.0),))
     others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in similar]
     stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
-    assert _least_share(one, [one, *others, stranger]) == pytest.approx(least)
+    assert _least_shares([one, *others, stranger])[0] == pytest.approx(least)
     assert (_judged(one, set(), least) is not None) == (least < 0.1)
 
 
@@ -100,3 +101,19 @@ def test_a_run_is_judged_from_a_smaller_misfit_on_where_similar_runs_fit_their_f
 def test_beside_kin_that_fit_only_readings_count_that_change_no_speed(kind: Any, least: float, told: bool) -> None:
     ways = [Alternative(None, RUN), Alternative(kind, RUN, "x")]
     assert (_judged(Judgement(ways, np.array([1.0, 0.01]), 10.0, ()), set(), least) is not None) == told
+
+
+def test_only_runs_that_misfit_their_file_or_follow_a_log_are_simulated_as_other_mistakes_would_have_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = RunCommand(Command.steps([(0.0, 30.0, 20.0)]), logged=True)
+    data = [driven(0), driven(1), driven(2), replace(driven(3), log=log)]
+    misfits = {"r0": 0.1, "r1": 9.0, "r2": np.nan, "r3": 0.1}  # of an extent of 10 mm
+
+    def judged(ways: list[list[Alternative]], _: Any) -> list[Judgement]:
+        return [Judgement(way, np.full(len(way), misfits[way[0].run.id]), 10.0, ((way[0].run.id,),)) for way in ways]
+
+    monkeypatch.setattr(hypotheses, "_judgements", judged)
+    monkeypatch.setattr(hypotheses, "MOST_AT_ONCE", 2)
+    found = _judged_runs(data, [ROBOT] * 4, lambda k: [Alternative(None, data[k]), Alternative("mirrored", data[k])])
+    assert [(item.ways[0].run.id, len(item.ways)) for item in found] == [("r0", 1), ("r1", 2), ("r2", 2), ("r3", 2)]

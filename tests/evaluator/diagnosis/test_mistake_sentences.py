@@ -97,7 +97,7 @@ def test_another_rate_is_believed_where_most_runs_show_it(
         Judgement(of_run, np.array([9.0, 0.1 if number < fast else 8.0]), 10.0, ((10.0, 30.0 + number),))
         for number, of_run in enumerate(ways)
     ]
-    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: judgements)
+    monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
     assert len(misread_runs(data, [ROBOT] * 4)) == told
 
 
@@ -116,7 +116,7 @@ def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_te
     for odd, told in ((0.1, []), (0.5, ["r1"])):
         sizes = [9.0, 9.0, 1.0, 1.0, 1.0] + [0.05] * 6
         judgements = [judged(number, odd if number == 1 else 0.1, size) for number, size in enumerate(sizes)]
-        monkeypatch.setattr(hypotheses, "_judgements", lambda *_, found=judgements: found)
+        monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_, found=judgements: found)
         assert [item.run for item in misread_runs(data, [ROBOT] * 11)] == told
 
 
@@ -198,7 +198,7 @@ def test_frame_intervals_of_a_run_differ_from_those_of_the_session_by_four_perce
 
     monkeypatch.setattr(hypotheses, "alternatives", noted)
     monkeypatch.setattr(
-        hypotheses, "_judgements", lambda ways, _: [Judgement(of_run, np.zeros(1), 1.0, ()) for of_run in ways]
+        hypotheses, "_judgements", lambda ways, _: [Judgement(of_run, np.ones(1), 1.0, ()) for of_run in ways]
     )
     assert misread_runs(data, [ROBOT] * 5) == []
     assert asked[2] == (said if said is None else pytest.approx(said), 0.04)
