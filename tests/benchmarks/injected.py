@@ -14,11 +14,14 @@ that a later call goes on with --first.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import errno
 import gc
+import importlib
 import json
 import multiprocessing
 import os
+import pkgutil
 import random
 import resource
 import select
@@ -34,6 +37,9 @@ from typing import Any
 
 import numpy as np
 
+import calibration
+import evaluator
+import simulator
 from evaluator.workflow.execution.sharing import one_core
 from tests.fuzz.attempt import ended
 from tests.fuzz.entries import ENTRIES, OUT, Entry, lay_out
@@ -110,6 +116,15 @@ def run(entry: Entry, folder: Path, failure: Failure | None = None, *, watched: 
     with os.fdopen(writing, "w") as pipe:
         pipe.write(f"{wrong}\0{json.dumps(counts)}")
     os._exit(0)
+
+
+def import_everything() -> None:
+    """Import what any command imports, once for all the children."""
+    for room in (calibration, simulator, evaluator):
+        for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
+            if not module.name.endswith("__main__"):
+                with contextlib.suppress(ImportError):  # of an optional extra
+                    importlib.import_module(module.name)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -193,6 +208,7 @@ def main() -> None:
         laying.join()
         chosen = {entry.arguments: entry for entry in ENTRIES if any(OUT in part for part in entry.arguments)}
         chosen = {line: entry for line, entry in chosen.items() if given.only in " ".join(line)}
+        import_everything()
         gc.freeze()  # what children share is not copied to be looked through
         commands = [Command(entry, valid, work) for entry in chosen.values()]
         kinds = sorted({kind for command in commands for kind in command.counts})
