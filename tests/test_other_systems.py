@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 MODULES = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
 NAMES = {
@@ -94,3 +96,16 @@ def _posix_names(path: Path) -> set[str]:
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ("os", "signal"):
             found |= {node.attr} & NAMES
     return found
+
+
+@pytest.mark.parametrize("names", ["ascii", "iso8859-1"])
+def test_a_file_name_that_the_locale_cannot_write_is_one_sentence(names: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from evaluator.cli.failures import sentence_of
+
+    with pytest.raises(UnicodeEncodeError) as caught:
+        "runs/運転.csv".encode(names)
+    monkeypatch.setattr(sys, "getfilesystemencoding", lambda: names)
+    said = str(sentence_of(caught.value))
+    assert said.startswith(f"'運転' cannot be in a file's name under this locale ({names})")
+    monkeypatch.undo()
+    assert sentence_of(caught.value) is None  # under UTF-8 it is a defect

@@ -53,4 +53,10 @@ def sentence_of(error: ValueError | OSError | MemoryError) -> str | None:
         return str(error)
     if isinstance(error, OSError) and error.strerror:  # words of the system, for a full disk or a protected folder
         return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+    names = sys.getfilesystemencoding()
+    if isinstance(error, UnicodeEncodeError) and names != "utf-8":  # a locale of one byte a character
+        letters = error.object[error.start : error.end]
+        return (
+            f"{letters!r} cannot be in a file's name under this locale ({names}); set LC_ALL=C.UTF-8 and run it again"
+        )
     return None

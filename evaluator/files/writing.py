@@ -29,8 +29,11 @@ def written_whole(path: Path) -> Iterator[Path]:
     until the rename. Raises UnwritableError if the writing fails.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+    except OSError as error:  # names a folder, or the temporary file
+        raise _unwritable(path, error) from error
     os.close(handle)
     temporary = Path(name)
     try:
@@ -42,12 +45,16 @@ def written_whole(path: Path) -> Iterator[Path]:
     except OSError as error:  # other errors come from files that the block reads
         if error.errno not in NO_ROOM and str(error.filename) != str(temporary):
             raise
-        reason = str(error.strerror).lower()
-        raise UnwritableError(
-            f"{path}: cannot be written ({reason}); free space or write elsewhere, and run the command again"
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _unwritable(path: Path, error: OSError) -> UnwritableError:
+    reason = str(error.strerror).lower()
+    return UnwritableError(
+        f"{path}: cannot be written ({reason}); free space or write elsewhere, and run the command again"
+    )
 
 
 def write_text(path: Path, text: str) -> None:

@@ -21,7 +21,7 @@ import pandas as pd
 import pytest
 
 from evaluator.errors import InputError, UnwritableError
-from evaluator.files import write_image
+from evaluator.files import write_image, write_text
 from evaluator.workflow import analyze
 from tests.end_to_end.commands import ROOT
 from tests.evaluator.synthetic import circling_marks, write_experiment
@@ -243,3 +243,20 @@ def test_an_image_for_which_there_is_no_room_is_not_said_to_be_written(tmp_path:
     with files_of_at_most(4096), pytest.raises(UnwritableError, match=r"a\.png: cannot be written"):
         write_image(noise, tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_named_with_the_file_that_was_wanted(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file", encoding="utf-8")
+    with pytest.raises(UnwritableError, match=r"out/r00\.csv: cannot be written \(file exists\)"):
+        write_text(tmp_path / "out" / "r00.csv", "x")
+
+
+def test_a_protected_folder_is_named_with_the_file_that_was_wanted_and_not_with_its_temporary_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def protected(**_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(tmp_path / ".r00.x1y2.csv"))
+
+    monkeypatch.setattr(tempfile, "mkstemp", protected)
+    with pytest.raises(UnwritableError, match=r"/r00\.csv: cannot be written \(read-only file system\)"):
+        write_text(tmp_path / "r00.csv", "x")
