@@ -1,7 +1,8 @@
 """Cache of compiled kernels on disk: location, validity by source text, and locks between processes.
 
-Location: `turnscope/kernels` in the user's cache, or NUMBA_CACHE_DIR if set; otherwise `__pycache__` beside the source.
-If none is writable, nothing is cached. A file name contains the digest of the kernel's source file and of all files
+Location: `turnscope/kernels` in the user's cache, or NUMBA_CACHE_DIR if set; otherwise `__pycache__` beside the source;
+otherwise, as in a container that is read-only, a folder of the user's own among the temporary files. If none is
+writable, nothing is cached. A file name contains the digest of the kernel's source file and of all files
 that it imports from these packages, directly or indirectly; numba adds its version, the processor and argument types.
 """
 
@@ -17,6 +18,7 @@ from contextlib import contextmanager, suppress
 from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any
 
 from numba.core import config
@@ -158,13 +160,30 @@ def _read(source: Path) -> tuple[str, frozenset[Path]]:
 
 @cache
 def _folder(beside: Path) -> Path | None:
-    """The first folder that can be written: NUMBA_CACHE_DIR, the user's cache, `__pycache__` beside the source."""
+    """The first folder that can be written, in the order of the module's docstring."""
     wanted = [Path(config.CACHE_DIR)] if config.CACHE_DIR else []
     with suppress(RuntimeError):  # no home directory
         wanted.append(_user_cache() / "turnscope" / "kernels")
     for folder in (*wanted, beside / "__pycache__"):
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            return folder
+    return _temporary()
+
+
+def _temporary() -> Path | None:
+    """A folder among the temporary files that only this user can write; None if there is none.
+
+    Kernels are code, and everybody can create a folder of this name first. On Windows the user's cache is always there.
+    """
+    if not hasattr(os, "getuid"):
+        return None
+    folder = Path(tempfile.gettempdir()) / f"turnscope-kernels-{os.getuid()}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022:
             tempfile.TemporaryFile(dir=folder).close()
             return folder
     return None

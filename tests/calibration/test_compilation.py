@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -100,8 +101,29 @@ def test_kernels_work_where_nothing_can_be_kept(tmp_path: Path) -> None:
     (folder / "__pycache__").write_text("a file in the way", encoding="utf-8")
     taken = tmp_path / "file"
     taken.write_text("", encoding="utf-8")
-    around = {"XDG_CACHE_HOME": str(taken), "LOCALAPPDATA": str(taken), "HOME": str(taken)}
+    (tmp_path / f"turnscope-kernels-{getattr(os, 'getuid', int)()}").write_text("", encoding="utf-8")
+    around = {"XDG_CACHE_HOME": str(taken), "LOCALAPPDATA": str(taken), "HOME": str(taken), "TMPDIR": str(tmp_path)}
     assert run(folder, None, **around) == ["42.0", "1"]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="Windows always has the user's cache")
+def test_where_home_and_installation_are_read_only_kernels_are_kept_among_the_temporary_files_of_the_user_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(cache.config, "CACHE_DIR", "")
+    monkeypatch.setattr(cache, "_user_cache", lambda: tmp_path / "file")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    find = cache._folder.__wrapped__
+    folder = find(tmp_path / "file")
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o722)  # whoever else can write there can put code there
+    assert find(tmp_path / "file") is None
+    folder.rmdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    assert find(tmp_path / "file") is None
 
 
 def test_kernels_are_kept_in_the_users_cache(tmp_path: Path) -> None:
