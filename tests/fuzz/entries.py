@@ -148,7 +148,9 @@ def _entries() -> Iterator[Entry]:
     yield Entry(
         "scene.toml", ("render", "scene.toml", "-o", f"{OUT}/v.mp4", "-q", "--workers", "1"), OF_TOML, is_slow=True
     )
-    yield Entry("sweep.toml", ("sweep", "sweep.toml", "-o", OUT, "-q", "--workers", "1"), OF_TOML, is_slow=True)
+    yield Entry(
+        "sweep.toml", ("sweep", "sweep.toml", "-o", f"{OUT}/w.csv", "-q", "--workers", "1"), OF_TOML, is_slow=True
+    )
 
 
 ENTRIES = tuple(_entries())
