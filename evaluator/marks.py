@@ -51,7 +51,7 @@ def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     if "time_s" not in table:
-        raise InputError(f"{path}: column time_s is missing; a marks CSV has {_described(names or ['NAME'])}")
+        raise InputError(f"{path}: lacks time_s; a marks CSV has {_described(names or ['NAME'])}")
     if names is not None:
         names = list(names)
         there = [name for name in names if set(columns_of([name])) <= set(table)]
@@ -79,7 +79,7 @@ def require_marks(table: pd.DataFrame, name: str, marks: Iterable[str]) -> None:
             f"{name}: the marks are in px, and only a camera tells where on the plate they are; track with --camera "
             "or call evaluator.place_on_plate(table, camera, height_mm)"
         )
-    raise InputError(f"{name}: column {', '.join(missing)} is missing; a marks CSV has {_described(marks)}")
+    raise InputError(f"{name}: lacks {', '.join(missing)}; a marks CSV has {_described(marks)}")
 
 
 def _described(marks: Iterable[str]) -> str:

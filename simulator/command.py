@@ -219,7 +219,7 @@ def _columns_of_log(
     missing = [name for name in names if name not in table]
     if missing:
         found = ", ".join(map(str, table.columns))
-        raise SimulationError(f"{path}: column {', '.join(missing)} is missing; {EXPECTED} (found: {found})")
+        raise SimulationError(f"{path}: lacks {', '.join(missing)}; {EXPECTED} (found: {found})")
     time, first, second = _numbers(path, table, names, units)
     if units.get("left") is RPM:
         return time, first, second

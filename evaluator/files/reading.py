@@ -31,6 +31,19 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         raise InputError(f"{path}: {explain(error, load)}") from error
 
 
+# Values of the wrong kind in words of the files; pydantic's are those of Python.
+TYPES = "_parsing", "_type", "_from_float"
+KINDS = {
+    "float": "should be a number",
+    "int": "should be a whole number",
+    "string": "should be text",
+    "bool": "should be true or false",
+    "path": "should be the path of a file",
+    "tuple": "should be a list",
+    "list": "should be a list",
+}
+
+
 def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
     """All faults of a file in one sentence, with the nearest valid key for each unknown one.
 
@@ -58,7 +71,8 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
         return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
     if kind == "missing":
         return f"{dotted} is missing"
-    text = (message[0].lower() + message[1:]).removeprefix("value error, ")
+    text = KINDS.get(kind.partition("_")[0] if kind.endswith(TYPES) else "")
+    text = text or (message[0].lower() + message[1:]).removeprefix("value error, ").removeprefix("input ")
     return text if isinstance(found, dict) or not dotted else f"{dotted} = {found!r}: {text}"
 
 

@@ -216,7 +216,7 @@ def _from_csv(path: Path) -> pd.DataFrame:
     missing = [name for name in ("time_s", "x_mm", "y_mm", "heading_deg") if name not in found]
     if missing:
         raise InputError(
-            f"{path}: column {', '.join(missing)} is missing; poses have time_s, x_mm, y_mm, heading_deg "
+            f"{path}: lacks {', '.join(missing)}; poses have time_s, x_mm, y_mm, heading_deg "
             f"(or time_ns, x_m, heading_rad, qx, qy, qz, qw; found: {', '.join(map(str, table.columns))})"
         )
     return pd.DataFrame(found)

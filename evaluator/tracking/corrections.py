@@ -29,7 +29,7 @@ def read_corrections(path: Path) -> pd.DataFrame:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     missing = [name for name in ("frame", "mark", "x", "y") if name not in table]
     if missing:
-        raise InputError(f"{path}: column {', '.join(missing)} is missing; corrections have frame, mark, x, y")
+        raise InputError(f"{path}: lacks {', '.join(missing)}; corrections have frame, mark, x, y")
     gone = table["x"].str.strip().str.lower() == "absent"
     read = pd.DataFrame({"frame": pd.to_numeric(table["frame"], errors="coerce"), "mark": table["mark"].str.strip()})
     for axis in ("x", "y"):

@@ -68,7 +68,7 @@ def _given(motion: Given, times_s: Array) -> Array:
         raise SimulationError(f"{motion.file}: not a CSV table of poses ({str(error).strip()})") from error
     missing = [name for name in COLUMNS if name not in table]
     if missing:
-        raise SimulationError(f"{motion.file}: column {', '.join(missing)} is missing; poses need {', '.join(COLUMNS)}")
+        raise SimulationError(f"{motion.file}: lacks {', '.join(missing)}; poses need {', '.join(COLUMNS)}")
     values = table[list(COLUMNS)].apply(numbers_of).to_numpy(dtype=float)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values[:, 0]) > 0).all():
         raise SimulationError(f"{motion.file}: poses need two rows or more, numbers only, and time_s that increases")

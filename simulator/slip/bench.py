@@ -65,9 +65,7 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
     """
     missing = [column for column in COLUMNS if column not in table]
     if missing:
-        raise SimulationError(
-            f"{name}: column {', '.join(missing)} is missing; a bench recording has {', '.join(COLUMNS)}"
-        )
+        raise SimulationError(f"{name}: lacks {', '.join(missing)}; a bench recording has {', '.join(COLUMNS)}")
     there = [column for column in SIGMAS if column in table]
     if len(there) == 1:
         raise SimulationError(

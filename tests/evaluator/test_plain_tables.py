@@ -58,7 +58,7 @@ def test_numbered_and_named_points_keep_their_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("header", "asked"), [("frame,x_px,y_px", "--rate-hz"), ("t,x,y", "--unit"), ("t,x_mm,z_mm", "time_s is missing")]
+    ("header", "asked"), [("frame,x_px,y_px", "--rate-hz"), ("t,x,y", "--unit"), ("t,x_mm,z_mm", "lacks time_s")]
 )
 def test_what_a_plain_table_lacks_is_asked_for(tmp_path: Path, header: str, asked: str) -> None:
     path = written(tmp_path / "table.csv", header, ["0", "1", "2", "3"])

@@ -84,8 +84,8 @@ def test_a_command_within_a_time_is_the_same_there_and_holds_its_ends(tmp_path: 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("time_s,left_rpm\n0,1\n", "right_rpm is missing"),
-        ("t,v_left,v_right\n0,1,1\n", "time_s, left_rpm, right_rpm is missing.*found: t, v_left, v_right"),
+        ("time_s,left_rpm\n0,1\n", "lacks right_rpm"),
+        ("t,v_left,v_right\n0,1,1\n", "lacks time_s, left_rpm, right_rpm.*found: t, v_left, v_right"),
         ("time_s,left_rpm,right_rpm\n0,1,x\n", "line 2"),
         ("time_s,left_rpm,right_rpm\n1,1,1\n0,2,2\n", "must not decrease"),
         ("time_s,left_rpm,left_rad_s,right_rpm\n0,1,1,1\n", "both left_rpm and left_rad_s"),

@@ -133,7 +133,7 @@ def test_a_log_that_cannot_be_used_is_a_fault_of_its_run_alone(tmp_path: Path) -
     runs = [f'id = "r0{k}"\ncommands = "{log}.csv"\nmarks = "r01.csv"' for k, log in ((1, "good"), (2, "bad"))]
     found = analyze(experiment(tmp_path, *runs), tmp_path / "out", workers=1)
     assert list(found.faults) == ["r02"]
-    assert "bad.csv: column left_rpm, right_rpm is missing" in found.faults["r02"]
+    assert "bad.csv: lacks left_rpm, right_rpm" in found.faults["r02"]
     assert found.turning["radius_mm"].notna().tolist() == [True, True, False]
 
 

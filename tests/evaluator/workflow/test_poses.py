@@ -132,7 +132,7 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
 
 def test_a_table_of_other_names_is_refused_with_the_names_that_are_there(tmp_path: Path) -> None:
     (tmp_path / "r01.csv").write_text("t,x,y,yaw\n0,1,2,3\n")
-    with pytest.raises(InputError, match=r"column time_s, x_mm, y_mm, heading_deg is missing.*found: t, x, y, yaw"):
+    with pytest.raises(InputError, match=r"lacks time_s, x_mm, y_mm, heading_deg.*found: t, x, y, yaw"):
         read_poses(tmp_path / "r01.csv")
 
 
@@ -227,7 +227,7 @@ def test_the_distance_of_marks_that_stand_for_poses_says_nothing_in_a_diagnosis(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("time_s,x_mm,y_mm\n0,1,2\n1,1,2\n", "heading_deg is missing"),
+        ("time_s,x_mm,y_mm\n0,1,2\n1,1,2\n", "lacks heading_deg"),
         ("time_s,x_mm,y_mm,heading_deg\n0,1,2,3\n1,1,a,3\n", "line 3, y_mm = 'a'"),
         ("time_s,x_mm,x_m,y_mm,heading_deg\n0,1,1,2,3\n1,1,1,2,3\n", "x_mm and x_m"),
         ("time_s,x_mm,y_mm,heading_deg\n1,1,2,3\n0,1,2,3\n", "does not come after"),

@@ -86,7 +86,7 @@ def test_bad_pose_files_are_explained(tmp_path: Path) -> None:
     text = SCENE.format("").replace('kind = "line"\nspeed_mm_s = 2.0', 'kind = "poses"\nfile = "poses.csv"')
     scene = write(tmp_path / "scene.toml", text)
     for content, said in (
-        ("time_s,x_mm\n0,0\n", "y_mm, heading_deg is missing"),
+        ("time_s,x_mm\n0,0\n", "lacks y_mm, heading_deg"),
         ("time_s,x_mm,y_mm,heading_deg\n0,0,0,0\n0,1,1,1\n", "time_s that increases"),
         ("", "not a CSV table"),
     ):
