@@ -66,4 +66,4 @@ def number(
 
 def statement(source: str, quantity: str, published: str, ours: str, holds: bool | np.bool_) -> Check:
     """Compare a statement of the paper with the behaviour of the model."""
-    return Check(source, quantity, published, ours, "", HOLDS if holds else FAILS)
+    return Check(source, quantity, published, ours.replace("%", " %"), "", HOLDS if holds else FAILS)

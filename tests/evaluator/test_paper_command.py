@@ -26,5 +26,5 @@ def test_paper_writes_every_figure_its_data_the_numbers_and_one_page(tmp_path: P
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     for said in (run.output, page):
         assert all(word in said for word in worth)
-        assert "Not reproduced: Fig. 19, 22, backward turn against forward turn: published tighter" in said
+        assert "Not reproduced: Fig. 19, 22, backward turn against forward turn: published: tighter" in said
     assert "var(--" not in (tmp_path / "figure-14.svg").read_text()

@@ -171,7 +171,7 @@ def summary_lines(checks: tuple[Check, ...]) -> list[str]:
         f"{count[NOT_REPRODUCED]} are not reproduced; {count[OUT_OF_SCOPE]} are out of scope."
     )
     missed = [
-        f"Not reproduced: {item.source}, {item.quantity}: published {item.published}; ours {item.ours}."
+        f"Not reproduced: {item.source}, {item.quantity}: published: {item.published}; ours: {item.ours}."
         for item in checks
         if item.standing == NOT_REPRODUCED
     ]
