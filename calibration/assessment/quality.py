@@ -30,6 +30,7 @@ IMPLAUSIBLE = 3.0  # prior sigmas
 # Residuals over their white-noise expectation. Compression and interpolation correlate neighbouring pixels and double
 # it; beyond three the model or the gauge file is wrong.
 MISFIT = 3.0
+TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance best; TILT_DEG of next_image is its middle
 SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening cannot be separated from the scale of the pose
 # Below the first, the corners are judged by their covariance. Below the second, the covariance is not trusted either,
 # because the lens model was chosen from the visible part alone.
@@ -63,8 +64,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if ill:
         reasons += why
         steps.append(
-            "take five or more images with the gauge tilted by 20 to 40 degrees in different directions, near "
-            "enough to fill the image"
+            f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
         )
     if misfit := _misfit(calibration):
         reasons += misfit
@@ -94,8 +94,8 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
         if not ill:
             steps.append(
-                "for the height correction, add images with the gauge tilted by 10 to 30 degrees, or lay the "
-                "gauge on a spacer as high as the marks (dots.height_mm), or measure the distance of the lens "
+                f"for the height correction, add images with the gauge {TILTED}, or lay the gauge on a spacer as "
+                "high as the marks (dots.height_mm), or measure the distance of the lens "
                 "(--distance-mm VALUE SIGMA)"
             )
     level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
