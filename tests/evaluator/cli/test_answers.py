@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +16,8 @@ from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.design.plan import Expected
 from evaluator.errors import InputError
 from evaluator.workflow import DiagnosisResult, Plan
+from evaluator.workflow.circular.runs import CircularRun
+from evaluator.workflow.diagnosis.batch import Answer
 from evaluator.workflow.results.outputs import Outputs
 from tests.evaluator.cli.called import Called, run
 
@@ -64,14 +65,6 @@ def test_a_free_form_term_is_offered_and_written_under_the_name_of_its_file(stub
 
 
 def test_several_experiments_are_printed_one_after_the_other_and_refused_only_together(stub: Any) -> None:
-    @dataclass
-    class Answer:
-        experiment: Path
-        out: Path
-        content: dict[str, Any] | None = None
-        anew: bool = True
-        fault: str | None = None
-
     first, second = (
         Answer(Path("a.toml"), Path("out/a"), dict(NONE)),
         Answer(Path("b.toml"), Path("out/b"), fault="b: no"),
@@ -80,7 +73,7 @@ def test_several_experiments_are_printed_one_after_the_other_and_refused_only_to
     done = run("diagnose", "a.toml", "b.toml", "--workers", "2")
     assert (done.return_value, done.stderr) == (1, "b: no\n")
     assert done.stdout.startswith("a.toml:\nNothing is missing")
-    assert done.stdout.endswith("out/a/diagnosis.json\n\n")
+    assert done.stdout.endswith("out/a/diagnosis.json  (up to date, not computed again)\n\n")
     assert called[0][1] == {"workers": 2, "dask": None, "seconds": 180.0}
     assert json.loads(run("diagnose", "a.toml", "b.toml", "--json").stdout) == {"a.toml": NONE, "b.toml": None}
     assert run("diagnose", "a.toml", "b.toml", "-q").stdout == ""
@@ -119,15 +112,7 @@ def test_a_plan_lists_runs_and_what_they_would_show(stub: Any, tmp_path: Path) -
 
 
 def test_a_planned_circular_test_takes_the_levels_of_the_model_unless_some_are_said(stub: Any, tmp_path: Path) -> None:
-    @dataclass
-    class Turn:
-        left_rpm: float = 20.0
-        right_rpm: float = -10.0
-        duration_s: float = 6.5
-        radius_mm: float = 12.3456
-        speed_mm_s: float = 1.23456
-
-    called: Called = stub("evaluator.workflow.circular_runs", [Turn()])
+    called: Called = stub("evaluator.workflow.circular_runs", [CircularRun(20.0, -10.0, 6.5, 12.3456, 1.23456)])
     table = run("plan", "--circular-test").stdout.splitlines()
     assert table[1].split() == ["r01", "20", "−10", "6.5", "12.35", "1.235"]
     assert called[0] == (("barrel",), {"radius_mm": None, "repetitions": 3})
