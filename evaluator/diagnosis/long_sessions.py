@@ -25,7 +25,7 @@ PIECE_S, NEAR_S = 3.0, 1.0  # length of pieces, and its variation so that a piec
 # Least number of commands and of runs in a search, and among deciding runs: a search over 24 commands takes minutes.
 # Eight commands of a Husky are not sufficient to show that its drive mixes the sides, 24 are.
 SEARCHED, DECIDING = (12, 36), (24, 36)
-NOT_NEEDED = "not needed: others decide, chosen for commands far apart, and as many others are held out"
+NOT_NEEDED = "not needed: other runs, chosen for commands far apart, decide, and as many more are held out"
 HISTORY_S = 6.0  # of commands before a piece: several time constants of motors that lag by seconds
 
 

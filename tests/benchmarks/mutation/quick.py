@@ -1,0 +1,122 @@
+"""Mutants tried in forks of one session of pytest: a changed module is executed again in its own namespace.
+
+Nothing is imported or collected anew, so that a mutant costs as much as the tests that notice it: for the front ends,
+whose tests take milliseconds, a tenth of what a run of `python -m tests.benchmarks.mutation` takes. Of what a module
+computes while it is imported, only names that other modules have taken over directly get their new values.
+
+    python -m tests.benchmarks.mutation.quick evaluator/cli --tests tests/evaluator/cli --sample 30 --seed 1
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import os
+import random
+import resource
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks.mutation.mutants import ROOT, Mutant, mutants
+from tests.benchmarks.mutation.reach import Reach, tests_of, units
+from tests.benchmarks.mutation.runs import imported
+
+
+class Trial:
+    """A plugin of pytest that runs all tests once, and then those that reach a mutant, for each mutant in a fork."""
+
+    def __init__(self, chosen: Sequence[Mutant], reach: Reach) -> None:
+        """chosen: mutants to try; reach: a plugin of the same session, which notes what each test calls."""
+        self.chosen, self.reach, self.failed, self.survived = chosen, reach, False, 0
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note that a test has failed."""
+        self.failed |= report.failed
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the unchanged tests, then try the mutants."""
+        if not self._pass(session.items):
+            print("the tests do not pass on the unchanged code")
+            return True
+        session.config.pluginmanager.unregister(self.reach)
+        code = units(ROOT)
+        for number, mutant in enumerate(self.chosen, 1):
+            reached = tests_of(mutant.path, mutant.line, code, self.reach.called)
+            tests = sorted((item for item in session.items if item.nodeid in reached), key=self._cost)
+            noticed = bool(tests) and self._notice(mutant, tests)
+            self.survived += not noticed
+            outcome = "noticed" if noticed else f"survived {len(tests)} tests"
+            print(f"{number}/{len(self.chosen)}  {mutant.path}:{mutant.line}  {mutant.change}  {outcome}", flush=True)
+        return True
+
+    def _cost(self, item: pytest.Item) -> tuple[str, float]:
+        """Tests of a file stay together, for what they share."""
+        return item.nodeid.partition("::")[0], self.reach.time_s[item.nodeid]
+
+    def _pass(self, tests: Sequence[pytest.Item]) -> bool:
+        for item, following in zip(tests, [*tests[1:], None], strict=True):
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if self.failed:
+                return False
+        return True
+
+    def _notice(self, mutant: Mutant, tests: Sequence[pytest.Item]) -> bool:
+        """Whether a test fails in a fork in which a module is changed, or takes far longer than usual."""
+        usual_s = sum(self.reach.time_s[item.nodeid] for item in tests)
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(3 * usual_s + 20),) * 2)
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, 1)
+                os.dup2(nowhere, 2)
+                change(mutant)
+                status = int(not self._pass(tests))
+            finally:
+                os._exit(status)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
+
+
+def change(mutant: Mutant) -> None:
+    """Execute the changed text of a module in its namespace, and hand what it defines to the modules that hold it."""
+    module = importlib.import_module(".".join(mutant.path.with_suffix("").parts).removesuffix(".__init__"))
+    before = dict(vars(module))
+    exec(compile(mutant.text(), str(ROOT / mutant.path), "exec"), vars(module))  # noqa: S102  # our own code
+    for other in [other for other in sys.modules.values() if str(getattr(other, "__file__", "")).startswith(str(ROOT))]:
+        for name in _imported(Path(str(other.__file__))):
+            owner, _, what = name.rpartition(".")
+            if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
+                setattr(other, what, vars(module)[what])
+
+
+_imported = cache(imported)
+
+
+def main() -> int:
+    """Try a sample of mutants; exit status 1 where fewer are noticed than asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="+", type=Path, help="files or folders to change, from the project's root")
+    parser.add_argument("--tests", nargs="+", required=True, help="tests to run, from the project's root")
+    parser.add_argument("--sample", type=int, default=60, help="mutants to try (default 60)")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
+    parser.add_argument("--wanted", type=float, default=0.9, help="share to be noticed (default 0.9)")
+    said = parser.parse_args()
+    files = [file for path in said.paths for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
+    everything = [mutant for file in files for mutant in mutants(file)]
+    chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
+    trial = Trial(chosen, reach := Reach(ROOT))
+    pytest.main(["-q", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
+    share = 1 - trial.survived / len(chosen)
+    print(f"{len(chosen)} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
+    return int(trial.failed or share < said.wanted)
+
+
+if __name__ == "__main__":
+    os.chdir(ROOT)
+    sys.exit(main())
