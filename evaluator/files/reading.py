@@ -44,6 +44,12 @@ KINDS = {
 }
 
 
+def in_words(kind: str, message: str) -> str:
+    """What is wrong with a value, from the type and the message of an error of pydantic."""
+    of_kind = KINDS.get(kind.partition("_")[0]) if kind.endswith(TYPES) else None
+    return of_kind or (message[0].lower() + message[1:]).removeprefix("value error, ").removeprefix("input ")
+
+
 def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
     """All faults of a file in one sentence, with the nearest valid key for each unknown one.
 
@@ -71,8 +77,7 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
         return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
     if kind == "missing":
         return f"{dotted} is missing"
-    text = KINDS.get(kind.partition("_")[0] if kind.endswith(TYPES) else "")
-    text = text or (message[0].lower() + message[1:]).removeprefix("value error, ").removeprefix("input ")
+    text = in_words(kind, message)
     return text if isinstance(found, dict) or not dotted else f"{dotted} = {found!r}: {text}"
 
 

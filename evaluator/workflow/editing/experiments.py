@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from evaluator.errors import InputError
+from evaluator.files import in_words
 from evaluator.settings import Experiment, Run
 from evaluator.workflow.editing.documents import change_document, read_document
 
@@ -158,8 +159,7 @@ def _fault(item: Any) -> Fault:
     key = str(place[2]) if row is not None and len(place) > 2 else str(place[0]) if place and row is None else ""
     if item["type"] == "missing":
         return Fault(row, key, f"{place[-1]} is missing")
-    text = str(item["msg"])
-    return Fault(row, key, (text[0].lower() + text[1:]).removeprefix("value error, "))
+    return Fault(row, key, in_words(item["type"], str(item["msg"])))
 
 
 def _are_tables(runs: Any) -> bool:

@@ -1,0 +1,54 @@
+"""Faults of a file are said in words of the file, all together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, Field, ValidationError
+
+from evaluator.files import explain
+
+
+class Part(BaseModel, extra="forbid"):
+    """A table within."""
+
+    size: float = Field(gt=0)
+    count: int = 1
+
+
+class Whole(BaseModel, extra="forbid"):
+    """A file."""
+
+    name: str = ""
+    on: bool = True
+    file: Path = Path()
+    places: tuple[float, ...] = ()
+    part: tuple[Part, ...] = ()
+
+
+def load(path: Path) -> Whole:
+    raise NotImplementedError(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"name": 3}, "name = 3: should be text"),
+        ({"on": "maybe"}, "on = 'maybe': should be true or false"),
+        ({"file": 3}, "file = 3: should be the path of a file"),
+        ({"places": 3}, "places = 3: should be a list"),
+        ({"places": [1.0, "x"]}, "places[2] = 'x': should be a number"),
+        ({"part": [{"size": "large"}]}, "part[1].size = 'large': should be a number"),
+        ({"part": [{"size": 1}, {"size": 1, "count": 1.5}]}, "part[2].count = 1.5: should be a whole number"),
+        ({"part": [{"size": 0}]}, "part[1].size = 0: should be greater than 0"),
+        ({"part": [{}]}, "part[1].size is missing"),
+        ({"part": [{"size": 1, "cuont": 2}]}, "unknown key part[1].cuont; did you mean count?"),
+        ({"nmae": ""}, "unknown key nmae; did you mean name?"),
+        ({"zzz": 1, "name": 3}, "name = 3: should be text; unknown key zzz"),
+    ],
+)
+def test_a_fault_names_its_place_what_was_found_and_what_should_be_there(content: dict[str, object], said: str) -> None:
+    with pytest.raises(ValidationError) as error:
+        Whole.model_validate(content)
+    assert explain(error.value, load) == said
