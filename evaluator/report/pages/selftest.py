@@ -7,6 +7,7 @@ from pathlib import Path
 
 from evaluator.files import write_text
 from evaluator.report.pages.html import Page, Section, Table, page_html
+from evaluator.wording import verb
 from evaluator.workflow import SelfTest
 
 HEAD = ("", "step", "figure", "measured", "claimed")
@@ -32,8 +33,9 @@ def sentence_of(found: SelfTest) -> str:
     seconds = sum(found.seconds.values())
     if not failed:
         return f"All {len(found.outcomes)} claims hold on this machine ({seconds:.0f} s)."
+    hold = verb(failed, "does", "do")
     return (
-        f"{failed} of {len(found.outcomes)} claims do not hold on this machine ({seconds:.0f} s): "
+        f"{failed} of {len(found.outcomes)} claims {hold} not hold on this machine ({seconds:.0f} s): "
         "please send this page to the maintainers."
     )
 
