@@ -1,0 +1,196 @@
+"""diagnosis.json as a whole: each key holds what it is named after, and what was not fitted has no keys."""
+
+from __future__ import annotations
+
+from math import inf, nan
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.diagnosis.assessment.disagreeing_runs import RunDisagreement
+from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.output import diagnosis_json, effect_tables, effects_json
+from simulator.effects.catalogue import BUILT_IN, EFFECTS
+
+
+def diagnosis(**more: Any) -> Any:
+    """A diagnosis of two runs, of which one was skipped."""
+    mistake = SimpleNamespace(runs=("r1",), kind="reversed", equivalent_kinds=("mirrored",), sentence="r1: backward")
+    session = SimpleNamespace(
+        mistakes=(mistake,), skipped={"r7": "dark"}, left_out={"r8": "alone"}, own=(), one_frame=True,
+        commands_recur=True, known=("known",), data=[SimpleNamespace(id="r1"), SimpleNamespace(id="r2")],
+    )  # fmt: skip
+    return SimpleNamespace(**{"verdict": "none", "reason": "so", "session": session, "search": None, **more})
+
+
+def test_without_a_fit_there_are_the_mistakes_and_empty_lists() -> None:
+    found: Any = diagnosis_json.record(diagnosis())
+    assert found["mistakes"] == [
+        {"runs": ["r1"], "kind": "reversed", "equivalent_kinds": ["mirrored"], "sentence": "r1: backward"}
+    ]
+    assert (found["skipped_runs"], found["left_out_runs"]) == ({"r7": "dark"}, {"r8": "alone"})
+    assert (found["verdict"], found["reason"], found["gap"], found["next_experiment"]) == ("none", "so", None, None)
+    assert {name for name, value in found.items() if value == []} == {
+        *("effects", "negligible", "known_to", "where", "disagrees", "rivals"),
+    }
+    assert "noise" not in found
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts with tests of their own, each by its name."""
+    for name in ("effects", "_gap", "rivals", "next_experiment", "unlike", "_noise", "_nominal", "_shared"):
+        monkeypatch.setattr(diagnosis_json, name, lambda _, name=name: name)
+    monkeypatch.setattr(diagnosis_json, "_where", lambda _, apart: ["where", len(apart)])
+    monkeypatch.setattr(diagnosis_json, "effect_content", lambda _, effect: {"id": effect, "parameters": {"x": 1}})
+    apart = [RunDisagreement("r2", "start", "yaw_rate", 1.23456789, 4.5)]
+    monkeypatch.setattr(diagnosis_json, "disagreeing_runs", lambda _: apart)
+    monkeypatch.setattr(diagnosis_json, "disagreement", lambda _: pd.DataFrame({"run": ["r1"]}))
+
+
+@pytest.mark.usefixtures("parts")
+def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
+    def known(key: str, found: float, *, finding: bool, alike: str) -> Any:
+        quantity = SimpleNamespace(key=key, name=f"the {key}", unit="mm", sigma=0.5)
+        return SimpleNamespace(
+            quantity=quantity,
+            found=found,
+            low=found - 1,
+            high=inf,
+            alike=alike,
+            is_finding=finding,
+            sentence=f"{key} off",
+        )
+
+    together = SimpleNamespace(
+        square=12.5, freedom=3, probability=0.001, is_finding=True, sentence=lambda of: f"off: {of}"
+    )
+    halves = SimpleNamespace(halves="slow and fast", probability=nan)
+    found: Any = diagnosis_json.record(
+        diagnosis(
+            search="searched", negligible=frozenset({"b", "a"}), changes={"a": Changes(1, 2, 3), "b": Changes(4, 5, 6)},
+            known=(known("track", 1.5, finding=True, alike=""), known("mass", 2.5, finding=False, alike="a")),
+            known_together=together, constancy=(halves,), outlying=(1,),
+        )
+    )  # fmt: skip
+    whole = {"effects": "effects", "gap": "_gap", "rivals": "rivals", "next_experiment": "next_experiment"}
+    whole |= {"unlike_runs": "unlike", "noise": "_noise", "nominal": "_nominal", "shared_errors_sigmas": "_shared"}
+    assert {name: found[name] for name in whole} == whole
+    assert found["where"] == ["where", 1]
+    assert found["negligible"] == [
+        {"id": "a", "parameters": {"x": 1}, "changes": diagnosis_json._changes(Changes(1, 2, 3))},
+        {"id": "b", "parameters": {"x": 1}, "changes": diagnosis_json._changes(Changes(4, 5, 6))},
+    ]
+    first, second = found["known_to"]
+    assert first == {
+        "quantity": "track", "name": "the track", "unit": "mm", "taken": 0.5, "found": 1.5, "low": 0.5, "high": None,
+        "equivalent": [],
+    }  # fmt: skip
+    assert (second["quantity"], second["equivalent"], found["findings"]) == ("mass", ["a"], ["track off"])
+    assert found["known_together"] == {
+        "square": 12.5, "freedom": 3, "probability": 0.001, "sentence": "off: ('known',)",
+    }  # fmt: skip
+    assert found["disagrees"] == [
+        {"run": "r2", "phase": "start", "quantity": "yaw_rate", "size": 1.23457, "sigmas": 4.5}
+    ]
+    assert (found["constancy"], found["runs_not_followed"]) == ({"slow and fast": None}, ["r2"])
+    together.is_finding = False
+    usual: Any = diagnosis_json._together(SimpleNamespace(known_together=together, session=None))  # type: ignore[arg-type]
+    assert usual["sentence"] is None
+    assert diagnosis_json._together(SimpleNamespace(known_together=None)) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("one_frame", "recur"), [(True, True), (False, True), (True, False), (False, False)])
+def test_effects_that_runs_cannot_show_are_those_of_the_plate_without_a_frame_and_by_run_without_repetitions(
+    one_frame: bool, recur: bool
+) -> None:
+    session: Any = SimpleNamespace(own=(), one_frame=one_frame, commands_recur=recur)
+    of_plate = {name for name in BUILT_IN if EFFECTS[name].of_plate}
+    by_run = {name for name in BUILT_IN if EFFECTS[name].varies_by_run}
+    assert of_plate
+    assert by_run
+    assert diagnosis_json._not_tried(session) == sorted(
+        (set() if one_frame else of_plate) | (set() if recur else by_run)
+    )
+
+
+def unknown(**more: Any) -> Any:
+    """A verdict "unknown" without a free-form term that was fitted."""
+    item = SimpleNamespace(
+        sentence="it drifts", quantity="along", by="heading", parity="", sizes=((1.0, 0.5, 1.5), (2.0, nan, 3.0))
+    )
+    usual = {"verdict": "unknown", "negligible": frozenset(), "follows": False, "chosen": frozenset({"b", "a"})}
+    return diagnosis(**{**usual, "pieces": pd.DataFrame({"run": ["a"]}), "where": (item,), "terms": {}, **more})
+
+
+def test_an_unknown_effect_that_no_term_explains_is_the_disagreement_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effects_json, "root_mean_squares", lambda _: {"along_mm_s": (1.0, 0.5, 2.0)})
+    monkeypatch.setattr(effects_json, "effect_content", lambda _, effect: {"id": effect})
+    monkeypatch.setattr(effects_json, "is_free", lambda effect: effect == "a")
+    (shown,) = effects_json.effects(unknown())
+    assert (shown["id"], shown["name"], shown["fitted"]) == (
+        "free-form",
+        "an error of the robot's speed; it drifts",
+        False,
+    )
+    assert shown["parameters"] == {"rms_along_mm_s": {"value": 1.0, "low": 0.5, "high": 2.0}}
+    (term,) = shown["terms"]
+    assert (term["channel"], term["basis"], term["parity"]) == ("along", "heading", None)
+    assert term["coefficients"][1] == {"value": 2.0, "low": None, "high": 3.0}
+    named = [{"id": "a"}, {"id": "b"}]
+    assert effects_json.effects(unknown(follows=True)) == named  # a free-form term was fitted and explains the runs
+    assert effects_json.effects(unknown(verdict="effect")) == named
+    assert effects_json.effects(unknown(pieces=None)) == named
+    assert len(effects_json.effects(unknown(follows=True, chosen=frozenset({"b"})))) == 1
+    assert effects_json.effects(unknown(negligible=frozenset({"a"}))) == []
+
+
+def test_a_chosen_effect_is_told_with_its_probability_among_sets_that_may_be_right(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(effects_json, "parameters", lambda *_: {"x": 1})
+    monkeypatch.setattr(effects_json, "equivalents", lambda *_: ["other"])
+    monkeypatch.setattr(effects_json, "may_be_right", lambda _, ids: "refused" not in ids)
+    name = next(iter(free_terms()))
+    tried: list[Any] = []
+    sets = [frozenset({"plate-tilt"}), frozenset({"refused"}), frozenset({name})]
+    standing = SimpleNamespace(sets=sets, containing=lambda effect, among: tried.append((effect, among)) or 0.123456)
+    found = diagnosis(
+        terms={"plate-tilt": object(), name: free_terms()[name]},
+        standing=standing,
+        search="s",
+        chosen=frozenset({"refused"}),
+    )
+    shown = effects_json.effect_content(found, "plate-tilt")
+    assert shown == {
+        "id": "plate-tilt", "name": EFFECTS["plate-tilt"].name, "parameters": {"x": 1}, "equivalent": ["other"],
+        "probability": 0.1235,
+    }  # fmt: skip
+    assert tried[0] == ("plate-tilt", sets)  # the chosen set counts, refused or not
+    found.chosen = sets[0]
+    free = effects_json.effect_content(found, name)
+    assert (free["id"], free["name"]) == ("free-form", free_terms()[name].describe())
+    assert [(item["channel"], item["basis"]) for item in free["terms"]] == [
+        (item.channel, item.basis) for item in free_terms()[name].items
+    ]
+    assert tried[1] == (name, [sets[0], sets[2]])
+
+
+def test_a_pattern_of_one_wheel_is_the_sum_of_patterns_that_a_robot_file_knows() -> None:
+    """Of four wheels in the order front left, front right, rear left, rear right."""
+    signs = {
+        "driving": [1, 1, 0, 0],
+        "driven": [0, 0, 1, 1],
+        "left-right": [1, -1, 1, -1],
+        "driving-left-right": [1, -1, 0, 0],
+    }
+    wheels = ("front-left", "front-right", "rear-left", "rear-right")
+    for place, name in enumerate(wheels):
+        total = sum(share * np.array(signs[pattern]) for pattern, share in effect_tables.PATTERN_SUMS[name])
+        np.testing.assert_array_equal(total, np.eye(4)[place])
+    rear = sum(share * np.array(signs[pattern]) for pattern, share in effect_tables.PATTERN_SUMS["driven-left-right"])
+    np.testing.assert_array_equal(rear, [0, 0, 1, -1])
