@@ -247,6 +247,8 @@ def test_arrows_of_a_wheel_begin_at_it_and_have_the_scale_of_the_bar(monkeypatch
     np.testing.assert_allclose([ray[1][1] for ray in rays], drawn * place[:, 0])
     boxes = [call.args[0] for call in axes[0].add_patch.call_args_list if hasattr(call.args[0], "get_xy")]
     (body,) = (box for box in boxes if box.get_width() > 2)
+    wheels = [np.add(box.get_xy(), (box.get_width() / 2, box.get_height() / 2)) for box in boxes if box is not body]
+    np.testing.assert_allclose(wheels, drawn * np.stack([-place[:, 1], place[:, 0]], axis=1), atol=1e-12)
     assert body.get_xy() == pytest.approx((-drawn * robot.body.width_mm / 2, -drawn * robot.body.length_mm / 2))
 
 

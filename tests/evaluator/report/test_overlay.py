@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import av
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -183,6 +186,37 @@ def test_a_cut_out_shows_48_px_about_the_mark_five_times_as_large_and_why_it_is_
     assert words[-1][0] == "not seen"
     lost = overlay._tile(frame(10), table_of([np.nan], [np.nan]), "green")
     assert lost[120, 120].tolist() == [320 // 3, 120, 40]  # the middle of the image
+
+
+def test_an_overlay_has_the_frames_the_times_and_the_even_size_of_its_recording(tmp_path: Path) -> None:
+    frames = [frame(index, (97, 65)) for index in (0, 1, 3)]  # one frame is missing
+    told: list[tuple[float, float]] = []
+    overlay.write_overlay(
+        frames,
+        table_of([10.0] * 3, [20.0] * 3),
+        tmp_path / "a.mp4",
+        None,
+        lambda _, done, total=1: told.append((done, total)),
+    )
+    with av.open(str(tmp_path / "a.mp4")) as video:
+        shown = list(video.decode(video=0))
+    assert [(one.width, one.height) for one in shown] == [(96, 64)] * 3
+    assert [float(one.time or 0.0) for one in shown] == pytest.approx([0.0, 1 / 60, 3 / 60], abs=1e-3)
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_sheet_has_six_cut_outs_in_a_row_and_none_where_nothing_is_doubtful(tmp_path: Path) -> None:
+    assert overlay.write_contact_sheet([], table_of([1.0] * 3, [1.0] * 3), tmp_path / "a.png") == 0
+    assert not (tmp_path / "a.png").exists()
+    lost = [np.nan if row % 5 == 0 else 9.0 for row in range(40)]  # eight of them, five frames apart
+    frames = [frame(10 + row, (64, 48)) for row in range(40)]
+    assert overlay.write_contact_sheet(frames, table_of(lost, lost), tmp_path / "a.png") == 8
+    sheet = cv2.imread(str(tmp_path / "a.png"))
+    assert sheet is not None
+    assert sheet.shape[:2] == (2 * 240, 6 * 240)
+    assert sheet[240:, :480].max() > 0
+    assert sheet[240:, 480:].max() == 0  # blank
+    assert overlay.write_contact_sheet(frames, table_of(lost, lost), tmp_path / "a.png", most=2) == 2
 
 
 def test_a_color_is_that_of_the_name_of_the_mark() -> None:

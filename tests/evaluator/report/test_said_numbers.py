@@ -256,6 +256,7 @@ def test_quality_tells_what_was_seen_and_how_well(monkeypatch: pytest.MonkeyPatc
     )  # fmt: skip
     section = _quality([seen], {"a": ("dark", "short")})
     assert section.text == ("a: dark; short.",)
+    assert section.tables[0].caption.startswith("Marks: median standard uncertainty of a coordinate")
     assert cells(section.tables[0]) == {
         "run": ("a",),
         "frames": ("3",),
