@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, nan
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from calibration.camera import camera_above
-from evaluator.report import sections, turn_overlay
+from evaluator.report import sections
 from evaluator.report.numbers import METRES, MILLIMETRES, command_text, interval, series_row
 from evaluator.report.pages.html import Table
 from evaluator.report.sections import _quality, _run_table
 from evaluator.report.summary import summary
 from evaluator.report.tables import directions_table, outline_table, pooled_table, slip_table, standard_sentence
-from evaluator.robot_geometry import RobotGeometry
 from evaluator.turning.circular_test import Estimate, Series
-from simulator.robot import load_robot
 from tests.evaluator.report.shown import Shown, shown, turned
 
 NONE = pd.DataFrame()
@@ -294,38 +289,3 @@ def test_a_run_knows_its_phase_its_command_and_its_way() -> None:
     assert len(shown("r", 1.0, 1.0)._of_phase(times)) == 5
     assert command_text(nan, 2.0) == "–"
     assert interval(nan, 2.0) == "–"
-
-
-def test_poses_of_the_overlay_lie_where_the_camera_sees_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A robot that turns about (10, 20) mm at 8 mm, to its left; what is drawn is at the height of its marks."""
-    turning = SimpleNamespace(radius_mm=-8.0, center_x_mm=10.0, center_y_mm=20.0)
-    monkeypatch.setattr(turn_overlay, "measure_turning", lambda _poses: turning)
-    robot, camera = load_robot("barrel"), camera_above(size_px=(640, 480), focal_px=200, distance_mm=150)
-    time = np.arange(20) / 60
-    angle = 0.6 * time
-    pose = [10 + 8 * np.sin(angle), 20 - 8 * np.cos(angle), angle]
-    table: dict[str, Any] = {"frame": np.arange(20), "time_s": time}
-    for name, x, y in (("green", -1.55, 1.83), ("yellow", -1.55, -1.83)):
-        table[f"{name}_x_mm"] = pose[0] + np.cos(angle) * x - np.sin(angle) * y
-        table[f"{name}_y_mm"] = pose[1] + np.sin(angle) * x + np.cos(angle) * y
-        table |= {f"{name}_{axis}_sigma_mm": 1e-3 for axis in "xy"}
-    tracked: Any = SimpleNamespace(camera=camera, geometry=RobotGeometry(robot.layout), marks=pd.DataFrame(table))
-    drawing = turn_overlay.turn_drawing(tracked)
-    assert drawing is not None
-
-    def seen(x: Any, y: Any) -> np.ndarray:
-        return camera.image_from_plate(np.stack([x, y, np.full_like(x, 6.5)], axis=-1))
-
-    cos, sin = np.cos(angle), np.sin(angle)
-    np.testing.assert_allclose(drawing.center_px, seen(*pose[:2]), atol=0.01)
-    np.testing.assert_allclose(drawing.nose_px, seen(pose[0] + 4 * cos, pose[1] + 4 * sin), atol=0.05)
-    np.testing.assert_allclose(drawing.left_px, seen(pose[0] - 2 * sin, pose[1] + 2 * cos), atol=0.05)
-    middle, at = (
-        camera.image_from_plate(np.array([10.0, 20.0, 6.5])),
-        camera.image_from_plate(np.array([18.0, 20.0, 6.5])),
-    )
-    np.testing.assert_allclose(drawing.circle_px[0], at, atol=0.01)
-    np.testing.assert_allclose(drawing.circle_px[:-1].mean(axis=0), middle, atol=0.01)
-    assert drawing.caption == "R = 8.00 mm"
-    tracked.camera = None
-    assert turn_overlay.turn_drawing(tracked) is None
