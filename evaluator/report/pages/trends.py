@@ -120,7 +120,7 @@ def _levels(axes: Axes, series: Series, count: int) -> None:
 def _changes(found: Trends) -> Section:
     rows = tuple(
         (
-            series.name,
+            true_minus(series.name),
             _label(found, change.at),
             *(f"{_rounded(mean.mean, change)} {series.unit}" for mean in (change.before, change.after)),
             true_minus(f"{_rounded(change.difference, change)} {series.unit}"),

@@ -125,7 +125,7 @@ def test_changes_stand_in_a_table_and_in_sentences_and_radii_come_before_effects
     assert names == [("trend-radius", 2), ("trend-plate-tilt", 1)]
     (table,) = trends._changes(moved).tables
     assert table.rows == (
-        *(("radius, 30 / -20 rpm", "2026-03-02", "10.00 mm", "9.50 mm", "−0.50 mm", "−0.62 to −0.38", "0.001"),),
+        *(("radius, 30 / −20 rpm", "2026-03-02", "10.00 mm", "9.50 mm", "−0.50 mm", "−0.62 to −0.38", "0.001"),),
     )
     assert trends._changes(SimpleNamespace(series=(moved.series[0],), sessions=moved.sessions)).tables == ()  # type: ignore[arg-type]
     assert trends._sessions(moved).tables[0].rows == (
