@@ -9,6 +9,7 @@ import pandas as pd
 
 from evaluator.pose import poses_from_marks
 from evaluator.report.figures.effects import effect_figure
+from evaluator.report.numbers import true_minus
 from evaluator.report.pages.html import Page, Section, Table, page_html
 from evaluator.robot_geometry import mark_geometry
 from simulator.command import Command
@@ -50,14 +51,14 @@ def effects_page() -> str:
 def parameter_rows(effect: Effect) -> tuple[tuple[str, str, str, str, str], ...]:
     """Name, unit, default and bounds of a fit of every parameter, as text."""
     return tuple(
-        (item.name, item.unit or "–", f"{item.absent:g}", bound_text(item.low), bound_text(item.high))
+        (item.name, item.unit or "–", bound_text(item.absent), bound_text(item.low), bound_text(item.high))
         for item in effect.parameters
     )
 
 
 def bound_text(bound: float) -> str:
     """A bound as text; a dash if there is none."""
-    return f"{bound:g}" if math.isfinite(bound) else "–"
+    return true_minus(f"{bound:g}") if math.isfinite(bound) else "–"
 
 
 def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:

@@ -163,4 +163,4 @@ def test_a_self_test_passes_or_fails_row_by_row(written: list[Page], tmp_path: P
 def test_bounds_of_a_parameter_are_numbers_or_a_dash() -> None:
     parameters = (Parameter("a_mm", "mm", 0.0, 0.1, low=-2.5), Parameter("b", "", 1.0, 0.1, high=inf))
     effect: Effect = SimpleNamespace(parameters=parameters)  # type: ignore[assignment]
-    assert effects.parameter_rows(effect) == (("a_mm", "mm", "0", "-2.5", "–"), ("b", "–", "1", "–", "–"))
+    assert effects.parameter_rows(effect) == (("a_mm", "mm", "0", "−2.5", "–"), ("b", "–", "1", "–", "–"))
