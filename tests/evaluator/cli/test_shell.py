@@ -105,6 +105,7 @@ def test_the_program_begins_in_a_child_in_itself_or_as_one(monkeypatch: pytest.M
     assert (ended.value.code, lived, guard.CHILD in guard.os.environ) == (3, ["child"], False)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 @pytest.mark.parametrize(
     ("status", "said"),
     [
