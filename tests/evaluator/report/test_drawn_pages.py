@@ -220,6 +220,7 @@ def test_forces_of_a_bench_have_two_sigmas_and_the_color_of_their_curve(monkeypa
     assert (GREEN in paper_slip.COLORS, paper_slip.COLORS[-1]) == (True, PURPLE)
     assert labels(axes[0]) == ("slip ratio", "longitudinal force / vertical force")
     assert labels(axes[1]) == ("slip angle, degrees", "lateral force / vertical force")
+    assert [one.legend.call_args.kwargs["title"] for one in axes] == ["slip angle", "slip ratio"]
     assert first.data["panel"].tolist() == ["a", "a", "bench", "bench", "bench"]
     assert paper_slip.slip_figures("f-", "t", "c", curves)[0].data["panel"].tolist() == ["a", "a"]
 
