@@ -154,7 +154,7 @@ def decide(
     Sets with an effect that is not significant do not count: three effects that were rejected as an imitation do not
     support two of them, and a free-form term that gains little beside named effects does not contradict these.
     least_material: see material_gain; minus infinity except on open ground. There a free-form term leads to "unknown"
-    only if it also predicts left-out commands better, or no worse than named effects that are materially less probable,
+    only if it also predicts left-out commands better than the named effects, or no worse if these are less probable,
     and if its size is significant over commands.
     """
 
@@ -171,8 +171,8 @@ def decide(
     # on open ground the noise is estimated from the residuals, so that odds are insufficient: see pays
     if least_material > -math.inf:
         free = [ids for ids in free if _is_significant(search, ids)]
-        probable = table.of(named) + least_material
-        likely = [ids for ids in likely if ids in free and _rivals(search, ids, named, table.of(ids) > probable)]
+        gained = {ids: table.of(ids) - table.of(named) > least_gain(ids) for ids in likely}
+        likely = [ids for ids in likely if ids in free and _rivals(search, ids, named, probable=gained[ids])]
     doubted = bool(likely) and table.share_of(likely, answers) > DOUBT
     if doubted and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
@@ -209,11 +209,12 @@ def _predicts(search: Search, ids: Set, other: Set) -> bool:
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
 
 
-def _rivals(search: Search, ids: Set, named: Set, probable: bool) -> bool:
-    """Whether a set predicts left-out commands better than named effects; no worse if it is materially more probable.
+def _rivals(search: Search, ids: Set, named: Set, *, probable: bool) -> bool:
+    """Whether a set predicts left-out commands better than named effects; no worse if it is more probable.
 
-    Scrub torque imitates a drive that mixes its sides: with the data of a Warthog on grass both predict left-out
-    commands alike, but the mixing, which its encoders confirm, has 28 more of log evidence.
+    probable: by what an effect must gain. Scrub torque and drag imitate a drive that mixes its sides: in recordings of
+    a Warthog both predict left-out commands as the mixing does, but the mixing, which the encoders confirm, has 17 to
+    28 more of log evidence.
     """
     predicts = _predicts(search, ids, named)
     if predicts or not (named and probable):
