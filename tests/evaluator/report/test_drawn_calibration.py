@@ -208,3 +208,15 @@ def test_an_image_is_shown_in_eight_bits_of_colour_with_rings_at_its_dots(tmp_pa
     assert drawn[60, 50 + radius].argmax() != drawn[60, 100 + radius].argmax()  # two colours, like a chessboard
     assert drawn[60, 50].max() == drawn[60 + radius, 150].max() == 0  # rings, and none about what is not assigned
     assert drawn[60, 150].argmax() == 2  # crossed in red
+
+
+def test_axes_of_the_plate_are_drawn_on_a_gauge_image_in_red_and_green(tmp_path: Path) -> None:
+    page.write_plate_axes(np.zeros((480, 640), np.uint8), CAMERA, tmp_path / "a.png")
+    drawn = cv2.imread(str(tmp_path / "a.png"))
+    assert drawn is not None
+    for (start, end), channel in zip(figures.plate_axes_px(CAMERA), (2, 1), strict=True):
+        column, row = np.rint((start + end) / 2).astype(int)
+        assert drawn[row, column].argmax() == channel  # of blue, green, red
+        assert drawn[row, column].max() > 100
+        beyond = np.rint(start - 0.3 * (end - start)).astype(int)
+        assert drawn[beyond[1], beyond[0]].max() == 0
