@@ -86,7 +86,8 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
     done, steps, grown = integrate_run(model, knots, state.copy(), times.copy(), states, tolerance_mm, most_steps)
     if done != DONE:
         raise SimulationError(
-            f"the simulation did not finish within {steps} steps; are the sizes of the effects plausible?"
+            f"the simulation did not finish within {steps} steps; "
+            "are wheel speeds and effects plausible, or is the run too long?"
         )
     return states, grown
 
