@@ -131,6 +131,22 @@ def test_a_robot_and_its_path_of_twice_the_size_double_radius_and_speed(plain: p
     )
 
 
+def test_marks_of_other_names_and_in_another_order_give_the_same_physics(plain: pd.Series, tmp_path: Path) -> None:
+    """The robot file states other names, in the reverse order, for the same places."""
+    places = {"b": (-1.55, -1.83), "a": (-1.55, 1.83)}
+    lines = ["format = 1", 'name = "r"']
+    for name, (x, y) in places.items():
+        lines += ["[[mark]]", f'name = "{name}"', f"x_mm = {x}", f"y_mm = {y}", "diameter_mm = 1.0", "height_mm = 6.5"]
+        lines += ['kind = "light"']
+    (tmp_path / "robot.toml").write_text("\n".join(lines), encoding="utf-8")
+    renamed = MARKS.rename(columns=lambda name: name.replace("green", "a").replace("yellow", "b"))
+    experiment = write_experiment(tmp_path, [("r01", LEFT, RIGHT, renamed)])
+    text = experiment.read_text(encoding="utf-8").replace('robot = "barrel"', 'robot = "robot.toml"')
+    experiment.write_text(text, encoding="utf-8")
+    found = analyze(experiment, tmp_path / "out", workers=1).turning.iloc[0]
+    np.testing.assert_allclose(found[list(PHYSICS)].astype(float), plain[list(PHYSICS)].astype(float), rtol=EXACT)
+
+
 RUNS = [(f"r0{k}", LEFT, RIGHT, circling_marks(5.0 + k, seconds=2.0, seed=k)) for k in range(3)]
 
 

@@ -195,6 +195,15 @@ def test_columns_of_a_run_bear_the_names_of_the_wheels() -> None:
     assert len(table.columns) == 7 + 6 * 4
 
 
+def test_wheels_of_other_names_and_in_another_order_make_the_same_run() -> None:
+    robot = listed(load_robot("barrel"))
+    renamed = tuple(wheel.model_copy(update={"name": f"w{k}"}) for k, wheel in enumerate(robot.wheel or ()))
+    other = robot.model_copy(update={"wheel": renamed[::-1]})
+    here, there = (simulate(one, THERE_AND_BACK, TIMES_S) for one in (robot, other))
+    assert there.wheel_names == ("w3", "w2", "w1", "w0")
+    np.testing.assert_allclose(states(there), states(here), rtol=1e-7, atol=1e-7)
+
+
 def test_robots_of_different_layouts_make_one_batch() -> None:
     robots = [load_robot(name) for name in LAYOUTS]
     batch = simulate_batch(robots, [THERE_AND_BACK], TIMES_S)
