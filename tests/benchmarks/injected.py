@@ -6,9 +6,9 @@ Every command that reads a file of tests/fuzz and writes results is run once und
 kind: opening a file to read or to write, renaming, making a folder, removing, writing bytes, allocating an array. Then
 calls are drawn at random, and the command is run again with that one failing as a full disk, a bad sector or a lack of
 memory would make it fail, in an empty folder or in one that holds its results. It must end with results or one
-sentence; inputs and earlier results must be as before; no file may be half written; and the same command, run once
-more, must give the undisturbed result byte for byte. Exits with 1 where that does not hold. Failures have numbers, so
-that a later call goes on with --first.
+sentence; inputs and earlier results must be as before; no file may be half written; what ends with status 0 must have
+all results; and the same command, run once more, must give the undisturbed result byte for byte. Exits with 1 where
+that does not hold. Failures have numbers, so that a later call goes on with --first.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ import calibration
 import evaluator
 import simulator
 from evaluator.workflow.execution.sharing import one_core
-from tests.fuzz.attempt import ended
+from tests.fuzz.attempt import status_and_fault
 from tests.fuzz.entries import ENTRIES, OUT, Entry, lay_out
 
 WRITES = os.O_WRONLY | os.O_RDWR
@@ -92,8 +92,10 @@ def watch(counts: Counts, below: Path, failure: Failure | None) -> None:
     sys.addaudithook(audit)
 
 
-def run(entry: Entry, folder: Path, failure: Failure | None = None, *, watched: bool = True) -> tuple[str, Counts]:
-    """Run a command in a child process; gives what was wrong with how it ended, and the calls counted."""
+def run(
+    entry: Entry, folder: Path, failure: Failure | None = None, *, watched: bool = True
+) -> tuple[str, Counts, int | None]:
+    """Run a command in a child process; gives what was wrong with how it ended, the calls counted, and its status."""
     reading, writing = os.pipe()
     if child := os.fork():
         os.close(writing)
@@ -102,19 +104,20 @@ def run(entry: Entry, folder: Path, failure: Failure | None = None, *, watched: 
                 os.kill(child, signal.SIGKILL)
             told = pipe.read()
         status = os.waitpid(child, 0)[1]
-        wrong, _, counted = told.partition("\0")
-        died = f"the process died: {status}" if status or not counted else ""
-        return wrong or died, Counter(json.loads(counted or "{}"))
+        wrong, _, rest = told.partition("\0")
+        died = f"the process died: {status}" if status or not rest else ""
+        counted, said = json.loads(rest or "[{}, null]")
+        return wrong or died, Counter(counted), said
     counts: Counts = Counter()
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 2)
     with one_core():
         if watched:
             watch(counts, folder.parent, failure)
-        wrong = ended(entry, folder, LIMIT_S, (0,) if failure is None else (0, 1, 2))
+        said, wrong = status_and_fault(entry, folder, LIMIT_S, (0,) if failure is None else (0, 1, 2))
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     with os.fdopen(writing, "w") as pipe:
-        pipe.write(f"{wrong}\0{json.dumps(counts)}")
+        pipe.write(f"{wrong}\0{json.dumps([counts, said])}")
     os._exit(0)
 
 
@@ -147,11 +150,11 @@ class Command:
         self.whole: dict[str, bytes] = {}
         self.states: set[frozenset[tuple[str, bytes]]] = set()
         place = self.fresh(full=False)
-        wrong, self.counts = run(entry, place / "in")
+        wrong, self.counts, _ = run(entry, place / "in")
         if wrong:  # numba cannot compile with a changed numpy
             run(entry, self.fresh(full=False) / "in", watched=False)
             place = self.fresh(full=False)
-            wrong, self.counts = run(entry, place / "in")
+            wrong, self.counts, _ = run(entry, place / "in")
         assert not wrong, f"{entry}: {wrong}"
         self.whole = contents(place / "out")
         self.counts[BYTES] = max(map(len, self.whole.values()), default=0)
@@ -170,23 +173,33 @@ class Command:
     def wrong_with(self, failure: Failure, *, full: bool) -> str:
         """Run with a failure, and once more without; gives what was lost."""
         place = self.fresh(full=full)
-        wrong, _ = run(self.entry, place / "in", failure)
-        if wrong:
+        wrong, _, status = run(self.entry, place / "in", failure)
+        left = contents(place / "out")
+        if wrong := wrong or self._wrong_with_files(left, status, full=full):
             return wrong
         if contents(place / "in") != self.inputs:
             return "an input has changed"
-        left = contents(place / "out")
+        if (state := frozenset(left.items())) in self.states:  # the next run depends on nothing else
+            return ""
+        self.states.add(state)
+        wrong, _, _ = run(self.entry, place / "in", watched=False)
+        others = self._others(contents(place / "out"))
+        return f"another result afterwards: {wrong or others}" if wrong or others else ""
+
+    def _wrong_with_files(self, left: dict[str, bytes], status: int | None, *, full: bool) -> str:
+        """What is wrong with the files that a command with a failure left."""
         if full and (lost := set(self.whole) - set(left)):
             return f"lost: {sorted(lost)}"
         if cut := [name for name, content in shown(left).items() if self._is_cut(name, content)]:
             return f"half written: {cut}"
-        if (state := frozenset(left.items())) in self.states:  # the next run depends on nothing else
-            return ""
-        self.states.add(state)
-        wrong, _ = run(self.entry, place / "in", watched=False)
-        after = shown(contents(place / "out"))
-        others = [name for name in {**after, **self.whole} if after.get(name) != self.whole.get(name)]
-        return f"another result afterwards: {wrong or others}" if wrong or others else ""
+        if status == 0 and (others := self._others(left)):
+            return f"status 0, but these are not the undisturbed results: {others}"
+        return ""
+
+    def _others(self, left: dict[str, bytes]) -> list[str]:
+        """Results that are not those of the undisturbed command."""
+        found = shown(left)
+        return [name for name in {**found, **self.whole} if found.get(name) != self.whole.get(name)]
 
     def _is_cut(self, name: str, content: bytes) -> bool:
         """Whether a file breaks off; a table without the rows of a run that could not be analysed is whole."""

@@ -40,6 +40,14 @@ def attempt(entry: Entry, content: bytes, valid: Path, *, strict: bool = False, 
 
 
 def ended(entry: Entry, folder: Path, limit_s: float, wanted: Collection[int]) -> str:
+    """Run the command in a folder; gives "" where it ends as wanted, else what went wrong."""
+    return status_and_fault(entry, folder, limit_s, wanted)[1]
+
+
+def status_and_fault(
+    entry: Entry, folder: Path, limit_s: float, wanted: Collection[int] = (0, 1, 2)
+) -> tuple[int | None, str]:
+    """Exit status, None where there is none, and what was wrong, "" if nothing."""
     arguments = [part.replace(OUT, str(folder.parent / "out")) for part in entry.arguments]
     said, told = io.StringIO(), io.StringIO()
     try:
@@ -53,10 +61,10 @@ def ended(entry: Entry, folder: Path, limit_s: float, wanted: Collection[int]) -
             warnings.simplefilter("error" if "PYTEST_CURRENT_TEST" in os.environ else "ignore")
             status = run_safely(turnscope)
     except HangError:
-        return f"no end within {limit_s:g} s\n{traceback.format_exc(limit=-6)}"
+        return None, f"no end within {limit_s:g} s\n{traceback.format_exc(limit=-6)}"
     except BaseException as error:  # noqa: BLE001  # whatever escapes is what we look for
-        return f"{type(error).__name__}: {error}\n{''.join(traceback.format_exception(error)[-12:])}"
-    return _fault(status, wanted, said.getvalue(), told.getvalue())
+        return None, f"{type(error).__name__}: {error}\n{''.join(traceback.format_exception(error)[-12:])}"
+    return status, _fault(status, wanted, said.getvalue(), told.getvalue())
 
 
 def _fault(status: int, wanted: Collection[int], said: str, told: str) -> str:
