@@ -58,7 +58,7 @@ def explain(frame: Frame, settings: TrackingSettings) -> list[Seen]:
     hue = np.full(colors.chroma.size, np.nan, np.float32)
     hue[colors.colorful] = colors.hue_deg
     blobs = blobs_of("", colors, colors.colorful) if len(colors.colorful) else []
-    strongest = sorted(blobs, key=lambda one: -one.chroma * min(one.radius_px, 10.0))[:MOST]
+    strongest = sorted(blobs, key=lambda one: -one.chroma * min(one.radius_px, 10.0))
     return [_of_mark(name, frame, settings, colors, hue, strongest, chosen.get(name)) for name in settings.mark]
 
 
@@ -90,7 +90,7 @@ def _of_mark(
 
 
 def _with_own(blobs: list[Candidate], own: list[Candidate]) -> list[Candidate]:
-    """The most colourful blobs of any hue, some replaced by the largest of the mark's own hue that are not among them.
+    """The most colourful blobs of any hue, after the largest of the mark's own hue that are no blob by themselves.
 
     A mark that touches something of another hue (a hand that holds it) is a part of one blob with that.
     """

@@ -152,7 +152,7 @@ def test_a_gauge_is_described_without_a_text_editor(studio: Serving, folder: Pat
     assert {"place": ["dots", "pitch_mm"], "value": 2.0} in studio.get(path)["values"]
     studio.post(path, change(["dots", "pitch_mm"], 3))
     assert (folder / "gauge.toml").read_text() == text.replace("pitch_mm = 2.0", "pitch_mm = 3.0")
-    assert "integer" in studio.refused(path, change(["dots", "columns"], 17.5))[1]
+    assert "whole number" in studio.refused(path, change(["dots", "columns"], 17.5))[1]
     assert "no longer in the file" in studio.refused(path, change(["fiducial", 7, "row"], 1))[1]
     assert studio.refused(path, {**change(["dots", "rows"], 9), "version": "older"})[0] == 409
     studio.post(path, change(["fiducial", 1], None))

@@ -245,11 +245,12 @@ def test_motions_are_asked_for_in_pairs_and_drawn_beside_those_without_changes(m
     )
     studio: Any = SimpleNamespace()
     body = {"robot": "column", "commands": [["1", 2]], "nominal": {"body.mass_g": 3}, "effects": {"a": {"x": 1}}}
-    assert findings.motions(studio, Asked({}, {}, body)) == {"changed": 1}
+    size = {"length_mm": 5.0, "width_mm": 9.0}
+    assert findings.motions(studio, Asked({}, {}, body)) == {"changed": 1, "body": size}
     nominal, effects = {"body.mass_g": 3.0}, {"a": {"x": 1.0}}
     assert calls == [("column", [(1.0, 2.0)], {"nominal": nominal, "effects": effects, "duration_s": 8.0})]
     both = findings.motions(studio, Asked({}, {}, {"commands": [], "base": True, "duration_s": "2"}))
-    assert both == {"changed": 2, "base": 3}
+    assert both == {"changed": 2, "base": 3, "body": size}
     assert calls[2] == ("barrel", [], {"nominal": {}, "effects": {}, "duration_s": 2.0})
     for wrong in (None, [1], [[1, 2, 3]], "ab"):
         with pytest.raises(InputError, match="pairs of left and right rpm"):

@@ -186,7 +186,7 @@ def test_chroma_from_which_a_pixel_is_the_marks_lies_above_that_of_the_floor() -
     assert frame.v is not None
     mark, floor = (np.array([frame.u[at, at], frame.v[at, at]], float) - 128.0 for at in (30, 5))
     strength, beside = float(np.hypot(*mark)), float(floor @ mark / np.hypot(*mark))
-    color = np.array([128.0, 128.0, *(mark / strength), 0.6 * strength, 0.8])
+    color = np.array([128.0, 128.0, *(mark / strength), 0.5 * strength, 0.8])  # rises at once, falls slowly
     follower = BlobFollower(color, 144.0, 0.0)
     sighting = follower.look_at(frame, np.array([1.0, 1.0, 0.0, 0.0]), (29.5, 29.5), 4.0, 0.1)
     follower.accept(sighting, 0.1)

@@ -206,6 +206,7 @@ def test_a_search_tells_of_each_blob_its_hue_and_whether_it_was_sought_there(
     hue = np.full((10, 11), np.nan, np.float32)
     hue[:, :] = 80.0
     monkeypatch.setattr(explain, "allowed_cells", lambda *_: np.tile(np.arange(11) < 6, (10, 1)))
+    monkeypatch.setattr(explain, "blobs_of", lambda *_: [])  # none of the mark's own hue
     colors: Any = SimpleNamespace(chroma=np.full((10, 11), 50.0), floor=40.0, cell_px=(2.0, 2.0), origin_px=(0.5, 0.5))
     place = 0.5 + 2 * (column - 0.5), 0.5 + 2 * (row - 0.5)
     blob: Any = SimpleNamespace(center_px=place, radius_px=3.0, elongation=1.0, chroma=50.0, whole=True)
