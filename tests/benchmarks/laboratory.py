@@ -124,24 +124,33 @@ def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, A
         break
     else:
         raise ArithmeticError(f"{key}: five draws without a balance of forces")
-    out = where / "out"
-    command = [sys.executable, "-m", "evaluator", "diagnose", str(where / "experiment.toml"), "-o", str(out), "-q"]
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    began, message = time.perf_counter(), ""
-    try:
-        done = subprocess.run(
-            [*command, "--workers", "1"],
-            cwd=ROOT, env={**os.environ, **threads}, capture_output=True, text=True, timeout=LONGEST_S, check=False,
-        )  # fmt: skip
-        message = "" if done.returncode == 0 else f"exit {done.returncode}: {done.stderr.strip()[-300:]}"
-    except subprocess.TimeoutExpired:
-        message = f"no answer within {LONGEST_S} s"
+    began = time.perf_counter()
+    answer, message = diagnosis_of(where)
     seconds = time.perf_counter() - began
-    path = out / "diagnosis.json"
-    answer = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     where_true = [] if kind == "odd" or not answer else disagreements(drawn.session, np.random.default_rng(digest[0]))
     found = {"where": counted(where_true, answer.get("disagrees", []))}
     return {**scored(drawn.truth, answer), **found, "runs": drawn.session.runs, "seconds": seconds, "message": message}
+
+
+def diagnosis_of(where: Path) -> tuple[dict[str, Any], str]:
+    """Diagnose the experiment of a folder as a user would: its diagnosis.json, and what went wrong."""
+    message = ""
+    try:
+        done = called("diagnose", str(where / "experiment.toml"), "-o", str(where / "out"), "-q", "--workers", "1")
+        message = "" if done.returncode == 0 else f"exit {done.returncode}: {done.stderr.strip()[-300:]}"
+    except subprocess.TimeoutExpired:
+        message = f"no answer within {LONGEST_S} s"
+    path = where / "out" / "diagnosis.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}, message
+
+
+def called(*words: str) -> subprocess.CompletedProcess[str]:
+    """A command of turnscope in a process of its own, on one core."""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    return subprocess.run(
+        [sys.executable, "-m", "evaluator", *words],
+        cwd=ROOT, env={**os.environ, **threads}, capture_output=True, text=True, timeout=LONGEST_S, check=False,
+    )  # fmt: skip
 
 
 def counted(true: Sequence[Item], said: Sequence[dict[str, Any]]) -> list[int]:

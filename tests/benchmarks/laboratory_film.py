@@ -10,9 +10,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -23,14 +20,23 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from tests.benchmarks.laboratory import ROOT, scored
-from tests.laboratory import mess, odd, outside
+from tests.benchmarks.laboratory import called, diagnosis_of, scored
+from tests.laboratory import mess, outside
 from tests.laboratory.effects import View
-from tests.laboratory.experiment import Drawn, command_lines, ordinary_session, robot_toml, run_for, run_name
-from tests.laboratory.film import Camera, Sheet, Studio, camera_above, film, random_body, random_look, write_video
+from tests.laboratory.experiment import Drawn, command_lines, ordinary_session, robot_toml, run_name, with_hidden
+from tests.laboratory.film import (
+    TOP_MM,
+    Camera,
+    Sheet,
+    Studio,
+    camera_above,
+    film,
+    random_body,
+    random_look,
+    write_video,
+)
 from tests.laboratory.reference import Array
 from tests.laboratory.session import Noise, Session, motion, true_marks
-from tests.laboratory.sizes import at_size, sized, with_effect, with_outside
 
 EFFECTS = (
     *("drive-speed-mismatch", "magnet-imbalance", "scrub-torque", "plate-tilt", "axle-compliance", "command-lag"),
@@ -44,7 +50,6 @@ MESS = (
     *(mess.slip_within_tolerance, mess.magnets_within_tolerance, mess.plate_unevenly_clean),
 )
 MARGIN_MM = 6.0  # of the marks' paths to the edge of the field
-LONGEST_S = 1200
 PITCH_ERROR = 5e-4  # of a printed gauge, one sigma: half the tolerance that is usual
 
 
@@ -107,29 +112,17 @@ def measured(key: str, seed: int, folder: Path) -> dict[str, Any]:
         json.dumps(drawn.truth, indent=1, default=float) + "\n", encoding="utf-8"
     )
     began = time.perf_counter()
-    images = sorted(file.name for file in where.glob("gauge-*.png"))
-    solved = called("calibrate", *images, "--gauge", "gauge.toml", "-o", "camera.json", where=where)
-    done = called("diagnose", "experiment.toml", "-o", "out", "--workers", "1", "-q", where=where)
-    path = where / "out" / "diagnosis.json"
-    answer = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    images = sorted(map(str, where.glob("gauge-*.png")))
+    solved = called("calibrate", *images, "--gauge", str(where / "gauge.toml"), "-o", str(where / "camera.json"))
+    answer, message = diagnosis_of(where)
     return {
         **scored(drawn.truth, answer),
         "camera": next((word for word in ("sound", "limited", "ill-conditioned") if word in solved.stdout), "none"),
         "marks_um": 1e3 * marks_error_mm(where, frames),
         "runs": drawn.session.runs,
         "seconds": time.perf_counter() - began,
-        "message": "" if done.returncode == 0 else f"exit {done.returncode}: {done.stderr.strip()[-300:]}",
+        "message": message,
     }
-
-
-def called(*words: str, where: Path) -> subprocess.CompletedProcess[str]:
-    """A command of turnscope in a process of its own, on one core."""
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-    return subprocess.run(
-        [sys.executable, "-m", "evaluator", *words],
-        cwd=where, env={**os.environ, **threads, "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, timeout=LONGEST_S, check=False,
-    )  # fmt: skip
 
 
 def draw(kind: str, name: str, camera: Camera, rng: np.random.Generator) -> Drawn:
@@ -139,23 +132,7 @@ def draw(kind: str, name: str, camera: Camera, rng: np.random.Generator) -> Draw
     for untidy in MESS:
         session = untidy(session, rng)
     session = replace(session, noise=Noise(white_mm=0.004))  # only sizes are drawn with it: the film makes the noise
-    truth: dict[str, Any] = {"kind": kind, "name": name, "effects": {}, "outside": "", "odd": None, "sizes": {}}
-    if kind == "single":
-        at, messy = at_size(name, session, rng), session
-        size, moved = sized(messy, plain, lambda s: with_effect(messy, name, at(s)), rng)
-        session = with_effect(messy, name, at(size))
-        truth |= {"effects": {name: at(size)}, "sizes": {name: {**moved, "size": size}}}
-    elif kind == "outside":
-        angle, messy = float(rng.uniform(0, 2 * np.pi)), session
-        size, moved = sized(messy, plain, lambda s: with_outside(messy, name, 3 * s, angle), rng)
-        session = with_outside(messy, name, 3 * size, angle)
-        truth |= {"outside": name, "sizes": {name: {**moved, "size": 3 * size}}}
-    elif kind == "odd":
-        run = run_for(name, session, rng)
-        runs = sorted({run, odd.other_run(session, run)}) if name == "wrong-command" else [run]
-        session = odd.KINDS[name](session, run, rng)
-        truth["odd"] = {"runs": [run_name(r) for r in runs], "kinds": sorted(odd.ACCEPTED[name])}
-    return Drawn(session, truth)
+    return with_hidden(kind, name, plain, session, rng)
 
 
 def in_view(session: Session, camera: Camera, rng: np.random.Generator) -> Session:
@@ -169,8 +146,8 @@ def in_view(session: Session, camera: Camera, rng: np.random.Generator) -> Sessi
     places = np.empty((2, runs))
     for run, (times, marks) in enumerate(true_marks(session)):
         path = marks.reshape(2, 2, -1)
-        low, high = (np.minimum, np.maximum)
-        first, top = low.accumulate(path.min(axis=0), axis=1), high.accumulate(path.max(axis=0), axis=1)
+        first = np.minimum.accumulate(path.min(axis=0), axis=1)
+        top = np.maximum.accumulate(path.max(axis=0), axis=1)
         inside = ((top - first) < 2 * half[:, None]).all(axis=0)
         count = int(inside.sum())
         end[run] = times[count - 1]
@@ -178,7 +155,7 @@ def in_view(session: Session, camera: Camera, rng: np.random.Generator) -> Sessi
         places[:, run] = rng.uniform(-1, 1, 2) * room - (top[:, count - 1] + first[:, count - 1]) / 2
     # the middle of the field is where the camera looks at the height of the marks
     ahead = camera.rotation[2]
-    middle = (camera.place_mm + ahead * (6.5 - camera.place_mm[2]) / ahead[2])[:2]
+    middle = (camera.place_mm + ahead * (TOP_MM - camera.place_mm[2]) / ahead[2])[:2]
     pose[:2] = places + middle[:, None]
     return replace(session, pose=pose, end_s=end, stop_s=np.where(session.stop_s < end, session.stop_s, np.nan))
 

@@ -46,7 +46,11 @@ class Drawn:
 def draw(kind: str, name: str, rng: np.random.Generator) -> Drawn:
     """Draw an experiment. kind: "mess" (name: its kind), "odd", "single" (name: the effect), "pair" or "outside"."""
     plain = ordinary_session(rng)
-    messy = mess.KINDS[name if kind == "mess" else "everything"](plain, rng)
+    return with_hidden(kind, name, plain, mess.KINDS[name if kind == "mess" else "everything"](plain, rng), rng)
+
+
+def with_hidden(kind: str, name: str, plain: Session, messy: Session, rng: np.random.Generator) -> Drawn:
+    """A session with its mess, and without, and what an experiment of this kind hides in it: see draw."""
     truth: dict[str, Any] = {"kind": kind, "name": name, "effects": {}, "outside": "", "odd": None, "sizes": {}}
     session = messy
     if kind == "single":
@@ -59,7 +63,7 @@ def draw(kind: str, name: str, rng: np.random.Generator) -> Drawn:
         session, truth["outside"] = with_outside(messy, name, 3 * size, angle), name
         truth["sizes"] = {name: {**measured, "size": 3 * size}}
     elif kind == "odd":
-        run = run_for(name, messy, rng)
+        run = _run_for(name, messy, rng)
         session = odd.KINDS[name](messy, run, rng)
         runs = sorted({run, odd.other_run(messy, run)}) if name == "wrong-command" else [run]
         truth["odd"] = {"runs": [run_name(r) for r in runs], "kinds": sorted(odd.ACCEPTED[name])}
@@ -144,7 +148,7 @@ def run_name(run: int) -> str:
     return f"r{run + 1:02d}"
 
 
-def run_for(name: str, session: Session, rng: np.random.Generator) -> int:
+def _run_for(name: str, session: Session, rng: np.random.Generator) -> int:
     """A run in which the mistake shows: one that turns, where sides or a mirror image are concerned.
 
     A late start shows where the recording begins before the motors: later frames hold the same motion at other places.

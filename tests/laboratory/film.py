@@ -195,12 +195,10 @@ def disc(x: float, y: float, z: float, radius: float, turn: float = 0.0, oval: f
 
 @dataclass(frozen=True)
 class Body:
-    """What a robot looks like: a dark box with a connector, pads, and two stickers that are not quite round."""
+    """What a robot looks like: a dark box with pads, and two stickers that are not quite round."""
 
     length_mm: float
     width_mm: float
-    green_mm: tuple[float, float]
-    yellow_mm: tuple[float, float]
     pads: Array  # (n, 5): x, y, half sizes, tone
     ovals: tuple[float, float]
 
@@ -227,11 +225,11 @@ class Body:
 
 
 def random_body(rng: np.random.Generator, length_mm: float, width_mm: float) -> Body:
-    """Pads and a connector on the front half, away from the stickers on the rear half."""
+    """Pads on the front half, away from the stickers on the rear half."""
     low, high = [0.3, -3.5, 0.1, 0.1, 0.05], [2.0, 3.5, 0.4, 0.6, 0.5]
     pads = rng.uniform(low, high, (6, 5))
     ovals = rng.uniform(-0.06, 0.06, 2)
-    return Body(length_mm, width_mm, (-1.55, 1.83), (-1.55, -1.83), pads, (ovals[0], ovals[1]))
+    return Body(length_mm, width_mm, pads, (ovals[0], ovals[1]))
 
 
 @dataclass(frozen=True)

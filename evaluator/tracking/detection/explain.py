@@ -58,8 +58,8 @@ def explain(frame: Frame, settings: TrackingSettings) -> list[Seen]:
     hue = np.full(colors.chroma.size, np.nan, np.float32)
     hue[colors.colorful] = colors.hue_deg
     blobs = blobs_of("", colors, colors.colorful) if len(colors.colorful) else []
-    strongest = sorted(blobs, key=lambda one: -one.chroma * min(one.radius_px, 10.0))
-    return [_of_mark(name, frame, settings, colors, hue, strongest, chosen.get(name)) for name in settings.mark]
+    ranked = sorted(blobs, key=lambda one: -one.chroma * min(one.radius_px, 10.0))
+    return [_of_mark(name, frame, settings, colors, hue, ranked, chosen.get(name)) for name in settings.mark]
 
 
 def _of_mark(
