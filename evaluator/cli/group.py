@@ -6,44 +6,55 @@ from importlib import import_module
 
 import click
 
-# name: (module with a click command of that name, dashes as underscores; one-line help). In the order of the work.
-COMMANDS = {
-    "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
-    "studio": ("studio", "Open the studio: calibrate, edit, inspect and diagnose in the browser."),
-    "gauge": ("gauge", "Write a printable dot gauge in true scale."),
-    "calibrate": ("calibrate", "Calibrate the camera from images of a dot gauge."),
-    "check-camera": ("calibrate", "Check whether a calibration still holds."),
-    "dots": ("calibrate", "Find and index the dots in an image, without a gauge file."),
-    "record": ("record", "Record a camera with time stamps and the start time of the motors."),
-    "track": ("track", "Track the marks of one recording."),
-    "turning": ("turning", "Measure the turning radius from tables of marks or poses."),
-    "analyze": ("analyze", "Track every run of an experiment and measure its turning radius."),
-    "compare": ("analyze", "Compare every run with its simulation."),
-    "report": ("report", "Write the HTML report of an experiment."),
-    "export": ("export", "Write the results as JSON and netCDF, with provenance."),
-    "trends": ("trends", "Compare several sessions of one robot over time."),
-    "diagnose": ("diagnose", "Find the physical effect that the model lacks."),
-    "plan": ("plan", "Plan the runs of an experiment and what they can detect."),
-    "circular-test": ("circular_test", "Evaluate a steady-state circular test: understeer gradient."),
-    "simulate": ("simulate", "Simulate one run."),
-    "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
-    "sweep": ("sweep", "Simulate parameter grids and random samples."),
-    "export-robot": ("export_robot", "Export a robot to MuJoCo or Gazebo and list what is lost."),
-    "effects": ("effects", "List the physical effects, describe one, or begin your own."),
-    "slip-bench": ("slip_bench", "Fit a slip law to torques of a slip test bench."),
-    "paper": ("paper", "Recompute every published figure and number."),
-    "selftest": ("selftest", "Check the accuracy claims of this version on this machine."),
-    "render": ("render", "Render the video of a simulated run, with exact truth."),
-    "new": ("new", "Write commented templates for a new experiment."),
-    "check": ("new", "Validate all files of an experiment."),
+# Section of the help: command: (module with a click command of that name, dashes as underscores; one-line help).
+SECTIONS = {
+    "First steps": {
+        "demo": ("demo", "Run the whole pipeline on the shipped sample videos."),
+        "studio": ("studio", "Open the studio: calibrate, edit, inspect and diagnose in the browser."),
+        "new": ("new", "Write commented templates for a new experiment."),
+        "check": ("new", "Validate all files of an experiment."),
+        "selftest": ("selftest", "Check the accuracy claims of this version on this machine."),
+    },
+    "Camera": {
+        "gauge": ("gauge", "Write a printable dot gauge in true scale."),
+        "calibrate": ("calibrate", "Calibrate the camera from images of a dot gauge."),
+        "check-camera": ("calibrate", "Check whether a calibration still holds."),
+        "dots": ("calibrate", "Find and index the dots in an image, without a gauge file."),
+        "record": ("record", "Record a camera with time stamps and the start time of the motors."),
+    },
+    "Measurement": {
+        "track": ("track", "Track the marks of one recording."),
+        "turning": ("turning", "Measure the turning radius from tables of marks or poses."),
+        "analyze": ("analyze", "Track every run of an experiment and measure its turning radius."),
+        "circular-test": ("circular_test", "Evaluate a steady-state circular test: understeer gradient."),
+        "trends": ("trends", "Compare several sessions of one robot over time."),
+    },
+    "Experiment and simulation": {
+        "plan": ("plan", "Plan the runs of an experiment and what they can detect."),
+        "compare": ("analyze", "Compare every run with its simulation."),
+        "report": ("report", "Write the HTML report of an experiment."),
+        "diagnose": ("diagnose", "Find the physical effect that the model lacks."),
+        "export": ("export", "Write the results as JSON and netCDF, with provenance."),
+    },
+    "Simulation": {
+        "simulate": ("simulate", "Simulate one run."),
+        "steady": ("steady", "Tabulate steady turning radii over speeds and ratios."),
+        "sweep": ("sweep", "Simulate parameter grids and random samples."),
+        "render": ("render", "Render the video of a simulated run, with exact truth."),
+        "effects": ("effects", "List the physical effects, describe one, or begin your own."),
+        "slip-bench": ("slip_bench", "Fit a slip law to torques of a slip test bench."),
+        "paper": ("paper", "Recompute every published figure and number."),
+        "export-robot": ("export_robot", "Export a robot to MuJoCo or Gazebo and list what is lost."),
+    },
 }
+COMMANDS = {name: entry for section in SECTIONS.values() for name, entry in section.items()}
 
 
 class LazyGroup(click.Group):
     """A group whose commands are imported when they run."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All command names, in the order of the work."""
+        """All command names, section by section."""
         del ctx
         return list(COMMANDS)
 
@@ -68,10 +79,12 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the command list from the table, importing nothing."""
+        """Write the sections from the table, importing nothing; texts of all sections begin in one column."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+        widest = max(map(len, COMMANDS))
+        for title, commands in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(widest), text) for name, (_, text) in commands.items()])
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
