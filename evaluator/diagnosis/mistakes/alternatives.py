@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.correction import Correction
-from evaluator.diagnosis.mistakes.recognised import Kind
+from evaluator.diagnosis.mistakes.recognised import Correction, Kind
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
 from evaluator.diagnosis.mistakes.motion import (
@@ -20,7 +19,7 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
-from evaluator.diagnosis.mistakes.recognised import Found, Kind
+from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
 from evaluator.turning.status import SPACING_SHARE

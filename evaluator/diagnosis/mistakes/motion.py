@@ -131,44 +131,55 @@ def jump(run: RunData) -> tuple[float, float] | None:
     """Time, s, and size, mm, of a jump of both marks between two frames; None if there is none.
 
     A robot moves by its speed times the frame interval; a camera that is hit moves at once. Lines through some frames
-    before and after are extrapolated to the time between. Not counted are jumps along the change of velocity, as of
-    motors that start between two frames, and along the path, as of unnoticed lost frames.
+    before and after are extrapolated to the time between. Not counted are jumps of one mark alone, such as the trace of
+    an outlier in smoothed tracks; along the change of velocity, as of motors that start between two frames; and along
+    the path, as of lost frames.
     """
-    time, middle, _ = midpoint_and_heading(run)
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    time, marks = run.time_s[seen], run.marks_mm[seen]
+    new = np.insert(np.diff(marks, axis=0).any(axis=1), 0, True)[: len(marks)]
+    stepping = 2 * np.count_nonzero(new) < len(new)  # poses that are repeated until the next one change in steps
+    if not stepping:  # a recorder repeats a frame if there is no new one
+        time, marks = time[new], marks[new]
     if len(time) < 24:
         return None
-    frame_s = float(np.median(np.diff(time)))
+    middle, frame_s = _middle(marks), float(np.median(np.diff(time)))
+    steps = np.hypot(*np.diff(middle, axis=0).T)
+    least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
     spans = np.maximum(np.diff(time), 1e-6)
     speeds = np.diff(middle, axis=0) / spans[:, None]
     usual = ndimage.median_filter(speeds, size=(2 * AROUND_JUMP - 1, 1), mode="nearest")
     excess = np.hypot(*((speeds - usual) * spans[:, None]).T)
-    candidates = np.argsort(-excess)[:MOST_JUMPS]
-    steps = np.hypot(*np.diff(middle, axis=0).T)
-    stepping = np.count_nonzero(steps) < len(steps) / 2  # poses that are repeated until the next one change in steps
-    least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
     best: tuple[float, float] | None = None
-    for k in candidates:
-        before, after = slice(max(k + 1 - AROUND_JUMP, 0), k + 1), slice(k + 1, k + 1 + AROUND_JUMP)
-        if min(len(time[before]), len(time[after])) < 5 or time[k + 1] - time[k] > JUMP_WITHIN * frame_s:
+    for k in np.argsort(-excess)[:MOST_JUMPS]:
+        parts = slice(max(k + 1 - AROUND_JUMP, 0), k + 1), slice(k + 1, k + 1 + AROUND_JUMP)
+        if min(len(time[part]) for part in parts) < 5 or spans[k] > JUMP_WITHIN * frame_s:
             continue
         at = (time[k] + time[k + 1]) / 2
-        ends, slopes, spread = [], [], []
-        for part in (before, after):
-            fit = np.polynomial.polynomial.polyfit(time[part] - at, middle[part], 1)
-            left = middle[part] - np.polynomial.polynomial.polyval(time[part] - at, fit).T
-            ends.append(fit[0])
-            slopes.append(fit[1])
-            spread.append(float(np.sqrt(np.mean(left**2))))
-        leap = ends[1] - ends[0]
-        changed_s, lost_s = 2 * float(spans[k]), MOST_LOST * frame_s
-        ordinary = ((slopes[1] - slopes[0], (-changed_s, changed_s)), *((slope, (0.0, lost_s)) for slope in slopes))
-        size = float(np.hypot(*leap))
-        least = max(10 * max(spread), least_mm)
-        if any(_covers(speed, within_s, leap, least) for speed, within_s in ordinary):
+        lines, slopes, spreads = zip(*(_line_at(time[part] - at, marks[part]) for part in parts), strict=True)
+        (first, other), (slope, next_slope) = np.reshape(lines[1] - lines[0], (2, 2)), map(_middle, slopes)
+        leap = (first + other) / 2
+        size, least = float(np.hypot(*leap)), max(10 * max(spreads), least_mm)
+        # lost frames; tracks that were smoothed or numbered without regard to a gap are behind by it
+        changed, lost = (-2 * spans[k], 2 * spans[k]), (frame_s - spans[k] - 1e-9, MOST_LOST * frame_s)
+        ordinary = (next_slope - slope, changed), (slope, lost), (next_slope, lost)
+        if np.hypot(*(first - other)) > size or any(_covers(speed, within, leap, least) for speed, within in ordinary):
             continue
         if size > least and (best is None or size > best[1]):
             best = (float(at), size)
     return best
+
+
+def _line_at(since_s: Floats, marks: Floats) -> tuple[Floats, Floats, float]:
+    """Value and slope (4,) at 0 of lines through marks (n, 4), and the RMS distance of their midpoint, mm."""
+    fit = np.polynomial.polynomial.polyfit(since_s, marks, 1)
+    left = _middle(marks - np.polynomial.polynomial.polyval(since_s, fit).T)
+    return fit[0], fit[1], float(np.sqrt(np.mean(left**2)))
+
+
+def _middle(marks: Floats) -> Floats:
+    """Midpoint (..., 2) of two marks (..., 4)."""
+    return (marks[..., :2] + marks[..., 2:]) / 2
 
 
 def _covers(speed: Floats, within_s: tuple[float, float], leap: Floats, least_mm: float) -> bool:

@@ -9,6 +9,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
+from evaluator.diagnosis.mistakes.lost_frames import runs_with_lost_frames
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
@@ -24,6 +25,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found = list(same)
     found += _of_the_rest(wrong_scale, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
+    found += _of_the_rest(runs_with_lost_frames, data, robots, found)
     standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]

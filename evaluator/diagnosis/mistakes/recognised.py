@@ -1,4 +1,4 @@
-"""Definition of a mistake: runs, kind, evidence and remedy."""
+"""Definition of a mistake: runs, kind, evidence, remedy and correction."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from evaluator.diagnosis.mistakes.correction import Correction
+from evaluator.interchange.commands import RunCommand
 
 Kind = Literal[
     "reversed",
@@ -42,6 +42,25 @@ ORDER: tuple[Kind, ...] = (
     "outlying",
 )
 MOST = 0.8  # share of the runs above which a mistake concerns the session and is reported once
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Changes to the files of a run; fields that are not given change nothing.
+
+    command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. later_s:
+    added to start_s. seconds_times: factor of its times. lost_s: times of the file from which on frames
+    were lost, and for how long, s. marks_exchanged: the first mark is the second. marks_times:
+    factors of the x and y of its marks.
+    """
+
+    command: tuple[float, float] | None = None
+    log: RunCommand | None = None
+    later_s: float = 0.0
+    seconds_times: float = 1.0
+    lost_s: tuple[tuple[float, float], ...] = ()
+    marks_exchanged: bool = False
+    marks_times: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)

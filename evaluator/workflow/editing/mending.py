@@ -22,7 +22,7 @@ from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 from simulator.robot import load_robot
 
 if TYPE_CHECKING:
-    from evaluator.diagnosis.mistakes.correction import Correction
+    from evaluator.diagnosis.mistakes.recognised import Correction
 
 LEFT_OUT = "is left out: it cannot be corrected in its files"
 
@@ -80,7 +80,7 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
 def _of_marks(correction: Correction) -> bool:
     """Whether a correction changes the marks, not the command."""
     changed = correction.marks_exchanged or correction.marks_times != (1.0, 1.0)
-    return changed or correction.seconds_times != 1.0
+    return changed or correction.seconds_times != 1.0 or bool(correction.lost_s)
 
 
 def _apply(
@@ -120,6 +120,8 @@ def _words(correction: Correction) -> str:
         return "its two marks exchanged"
     if correction.seconds_times != 1.0:
         return f"its seconds times {correction.seconds_times:.4g}"
+    if correction.lost_s:
+        return f"its times later by {sum(duration for _, duration in correction.lost_s):.3g} s where frames are missing"
     if min(correction.marks_times) < 0:
         return "mirrored in x"
     return f"its lengths times {correction.marks_times[0]:g}"
@@ -127,7 +129,9 @@ def _words(correction: Correction) -> str:
 
 def mended_marks(table: pd.DataFrame, correction: Correction, pair: tuple[str, ...]) -> pd.DataFrame:
     """A corrected table of marks; pair: names of the two marks that determine the pose."""
-    changed = table.assign(time_s=table["time_s"] * correction.seconds_times)
+    time_s = table["time_s"] * correction.seconds_times
+    later_s = sum((table["time_s"] >= at - 1e-9) * duration for at, duration in correction.lost_s)
+    changed = table.assign(time_s=time_s + later_s)
     factors: Mapping[str, float] = dict(zip("xy", correction.marks_times, strict=True))
     for name in changed.columns:
         axis = next((axis for axis in "xy" if name.endswith((f"_{axis}_mm", f"_{axis}_sigma_mm"))), None)

@@ -13,10 +13,9 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes import hypotheses, outlying
 from evaluator.diagnosis.mistakes.alternatives import Alternative, correction_to
 from evaluator.diagnosis.mistakes.copies import copies
-from evaluator.diagnosis.mistakes.correction import Correction
 from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
-from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot

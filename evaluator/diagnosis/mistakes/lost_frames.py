@@ -1,0 +1,166 @@
+"""Frames that a recorder lost without a gap in the times of the file: from there on the motion is ahead of its command.
+
+At such a place the robot advances by whole frames of its motion at once, along its path and in heading alike. No force
+moves a robot so, and a camera or robot that is displaced does not move it by exactly what it drives in a whole frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import arm_mm, midpoint_and_heading
+from evaluator.diagnosis.mistakes.recognised import Correction, Found
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+AROUND_S = 0.3  # on either side of a place; a cubic follows the ripple of a wheel that turns once a second
+FEWEST = 8  # frames on either side
+# Standard errors of an advance by whole frames. Without lost frames, the largest of 1394 untidy runs of 600 places each
+# was 4.6, and so was the largest delay. If another run lost frames, a loss is a thousand times as likely as otherwise.
+SIGMAS, SIGMAS_IF_ANOTHER = 5.5, 4.0
+LEAST_MM = 0.02  # of an advance: pixel phase and codec move both marks of a rendered video by up to 0.01 mm
+WHOLE = 0.3  # largest difference from a whole number of frames
+MOST_AT_ONCE = 8  # frames; more at once are a jump
+REGULAR = 0.1  # largest deviation, in frames, of times that count frames; stamps of a driver scatter more
+OUTLIER = 6.0  # scatters of a frame about the middle of its neighbours, beyond which it is omitted
+ALONE = 1.5  # times the deviation of a neighbour from its own neighbours: 2 for an outlier, 1 for a step
+SETTLED_S = 0.5  # after a start and before a stop of the motors, when the speed changes within a frame
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Lost frames: time of the first frame after them, s, as the file counts, their number and their duration, s."""
+
+    time_s: float
+    frames: int
+    missing_s: float
+
+
+def runs_with_lost_frames(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """Runs whose recorder lost frames while its times count on."""
+    del robots
+    if not any(lost_frames(run) for run in data):
+        return []
+    losing = {run.id: losses for run in data if (losses := lost_frames(run, SIGMAS_IF_ANOTHER))}
+    together = tuple(losing) if len(losing) > 2 else ()
+    remedy = "record with time stamps; `turnscope track` reads those of the original video"
+    found = []
+    for run, losses in losing.items():
+        of = f"of {run} " * bool(together)
+        seen = f"frames are missing ({of}{_words(losses)}), but the times count on, so that the motion is ahead of them"
+        correction = Correction(lost_s=tuple((loss.time_s, loss.missing_s) for loss in losses))
+        found.append(Found(run, "wrong-rate", seen, remedy, correction=correction, group=together))
+    return found
+
+
+def _words(losses: Sequence[Loss]) -> str:
+    """Number and first places of lost frames."""
+    places = ", ".join(f"{loss.time_s:.2f}" for loss in losses[:3]) + (", …" if len(losses) > 3 else "")
+    return f"{sum(loss.frames for loss in losses)} at {places} s"
+
+
+def lost_frames(run: RunData, sigmas: float = SIGMAS) -> list[Loss]:
+    """Places at which frames of a run were lost without a gap in its times, in the order of time.
+
+    sigmas: least standard errors of an advance. None if the times do not count frames, as those of poses and drivers;
+    if the robot is too slow for its noise; or if it is behind at once as well, as a robot that sticks and slips.
+    """
+    time, middle, heading = midpoint_and_heading(run)
+    numbers, frame_s = frame_numbers(run.time_s)
+    if len(time) < 4 * FEWEST or not len(numbers) or run.from_poses:
+        return []
+    count = numbers[np.isfinite(run.marks_mm).all(axis=1)]
+    course = np.column_stack([middle, heading * arm_mm(run)])
+    course[_is_outlier(course)] = np.nan
+    steady = _is_steady(run, time)
+    losses: dict[int, int] = {}
+    while len(losses) < len(time) // (2 * FEWEST):
+        advance, sigma, speed = advances(count, course, max(FEWEST, round(AROUND_S / frame_s)))
+        advance[~steady] = np.nan
+        whole = np.rint(advance)
+        clear = (np.abs(advance) > sigmas * sigma) & (np.abs(advance - whole) < WHOLE)
+        clear &= (np.abs(whole) <= MOST_AT_ONCE) & (np.abs(whole) * speed > LEAST_MM)
+        if not np.any(clear & (whole > 0)):
+            if clear.any():
+                return []
+            break
+        best = int(np.argmax(np.where(clear, advance / sigma, 0.0)))
+        losses[best] = losses.get(best, 0) + int(whole[best])
+        count = count + (np.arange(len(time)) >= best) * int(whole[best])
+    return [Loss(float(time[at]), frames, frames * frame_s) for at, frames in sorted(losses.items())]
+
+
+def frame_numbers(time_s: Floats) -> tuple[NDArray[np.int64], float]:
+    """Number (n,) of each frame, from 0, and the time between two, s; no numbers if the times do not count frames."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    none = np.zeros(0, dtype=np.int64), usual
+    if usual <= 0 or not np.isfinite(steps).all():
+        return none
+    numbers = np.concatenate([[0], np.cumsum(np.rint(steps / usual).astype(np.int64))])
+    begin, frame_s = np.polynomial.Polynomial.fit(numbers, time_s, 1).convert().coef
+    counts = np.diff(numbers).min() > 0 and np.abs((time_s - begin) / frame_s - numbers).max() < REGULAR
+    return (numbers, float(frame_s)) if counts else none
+
+
+def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Floats, Floats, Floats]:
+    """How far the motion is ahead from each frame on, in frames, NaN where not known; standard error; mm a frame; (n,).
+
+    count: number (n,) of each frame. course: (n, 3) place and heading times a lever, mm. around: frames on either side,
+    to which a cubic in time and a step are fitted; the step along the velocity is the advance.
+    """
+    first, last = int(count[0]), int(count[-1])
+    grid = np.full((last - first + 1, 3), np.nan)
+    grid[count - first] = course
+    padded = np.concatenate([np.full((around, 3), np.nan), grid, np.full((around, 3), np.nan)])
+    seen = np.isfinite(padded).all(axis=1)
+    at = count - first  # frame `at` is the first after the step
+    windows = sliding_window_view(padded, 2 * around, axis=0)[at]  # (n, 3, 2 around)
+    used = sliding_window_view(seen, 2 * around)[at].astype(float)
+    since = (np.arange(2 * around) - around + 0.5) / around
+    design = np.column_stack([np.ones_like(since), since, since**2, since**3, since > 0])
+    normal = np.einsum("nk,ki,kj->nij", used, design, design)
+    enough = (used[:, :around].sum(axis=1) >= FEWEST) & (used[:, around:].sum(axis=1) >= FEWEST)
+    normal[~enough] = np.eye(5)
+    values = np.where(used[:, None, :] > 0, windows, 0.0)
+    inverse = np.linalg.inv(normal)
+    fit = np.einsum("nij,nck,kj->nci", inverse, values, design)  # (n, 3, 5)
+    left = values - np.einsum("nci,ki->nck", fit, design) * used[:, None, :]
+    degrees = np.maximum(used.sum(axis=1) - 5, 1.0)
+    scatter = np.sqrt(np.einsum("nck,nck->n", left, left) / (3 * degrees))
+    speed, step = fit[:, :, 1] / around, fit[:, :, 4]
+    square = np.maximum(np.einsum("nc,nc->n", speed, speed), 1e-300)
+    advance = np.einsum("nc,nc->n", step, speed) / square
+    sigma = scatter * np.sqrt(inverse[:, 4, 4] / square)
+    advance[~enough] = np.nan
+    usual = np.isfinite(advance)
+    if usual.any():  # correlated noise, or a motion that a cubic does not follow, scatters more
+        sigma = sigma * max(1.0, 1.4826 * float(np.median(np.abs(advance[usual] / sigma[usual]))))
+    return advance, sigma, np.sqrt(square)
+
+
+def _is_outlier(course: Floats) -> NDArray[np.bool_]:
+    """Frames (n,) that alone are far from the middle of their two neighbours, in any of the columns (n, 3).
+
+    An outlier moves its neighbours' middle by half; a step moves it on both sides alike, and is none.
+    """
+    off = np.zeros_like(course)
+    off[1:-1] = np.abs(course[1:-1] - (course[:-2] + course[2:]) / 2)
+    far = off > OUTLIER * 1.4826 * np.median(off, axis=0)
+    far[1:-1] &= off[1:-1] > ALONE * np.maximum(off[:-2], off[2:])
+    return np.asarray(far.any(axis=1))
+
+
+def _is_steady(run: RunData, time: Floats) -> NDArray[np.bool_]:
+    """Frames (n,) at least SETTLED_S from a change of the commands."""
+    steady = np.zeros(len(time), dtype=np.bool_)
+    for item in run.run_command.driven:
+        steady |= (time > item.begin_s + SETTLED_S) & (time < item.end_s - SETTLED_S)
+    return steady

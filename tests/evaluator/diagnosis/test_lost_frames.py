@@ -1,0 +1,101 @@
+"""Frames that a recorder lost while its times count on, in synthetic turns with noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import Floats, RunData
+from evaluator.diagnosis.mistakes.lost_frames import advances, frame_numbers, lost_frames, runs_with_lost_frames
+from evaluator.workflow.editing.mending import mended_marks
+from tests.evaluator.diagnosis.marks_of_motion import RATE, moving
+
+LONG = np.arange(420) / RATE
+
+
+def losing(
+    frames: dict[int, int], seed: int = 0, speed: float = 2.0, name: str = "r", noise_mm: float = 0.005
+) -> RunData:
+    """A turn of 7 s that lost some frames, by the index of the first frame after them."""
+    ahead = sum(((np.arange(len(LONG)) >= at) * count for at, count in frames.items()), np.zeros(len(LONG)))
+    marks = moving(LONG + ahead / RATE, speed, 0.2 * speed)
+    marks += noise_mm * np.random.default_rng(seed).normal(size=marks.shape)
+    return RunData(name, 30.0, 20.0, 0.0, None, LONG, marks, 0)
+
+
+def test_lost_frames_are_found_where_they_are_and_in_their_number() -> None:
+    found = lost_frames(losing({120: 1, 200: 2, 300: 1}))
+    assert [(loss.time_s, loss.frames) for loss in found] == [(2.0, 1), (pytest.approx(200 / RATE), 2), (5.0, 1)]
+    assert [loss.missing_s for loss in found] == pytest.approx([1 / RATE, 2 / RATE, 1 / RATE])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_recording_without_losses_has_none(seed: int) -> None:
+    assert lost_frames(losing({}, seed), sigmas=4.0) == []
+
+
+def test_neither_driver_stamps_nor_poses_nor_a_robot_that_slips_back_lose_frames() -> None:
+    run = losing({200: 2})
+    assert lost_frames(run) != []
+    assert lost_frames(replace(run, from_poses=True)) == []
+    jitter = np.random.default_rng(1).uniform(-0.2, 0.2, len(LONG)) / RATE
+    assert lost_frames(replace(run, time_s=LONG + jitter)) == []
+    assert (
+        lost_frames(replace(run, time_s=LONG + (np.arange(len(LONG)) >= 200) * 2 / RATE)) == []
+    )  # stamps show the gap
+    assert lost_frames(losing({200: 2, 300: -2})) == []
+    assert lost_frames(losing({10: 2})) == []  # motors start there
+    assert lost_frames(losing({200: 2}, speed=0.55, noise_mm=0.001)) == []  # as little as an error of tracking
+
+
+def test_an_advance_is_measured_in_frames_with_its_error() -> None:
+    run = losing({200: 1})
+    course = np.column_stack([run.marks_mm[:, :2], np.zeros(len(LONG))])
+    found, sigma, speed = advances(np.arange(len(LONG)), course, 18)
+    np.testing.assert_allclose(speed[30:-30], 1.2 / RATE, rtol=0.1)  # 2 mm beside a turn of 0.4 rad/s
+    assert abs(found[200] - 1) < 3 * sigma[200]
+    elsewhere = np.r_[30:170, 230:390]
+    score = found[elsewhere] / sigma[elsewhere]
+    assert float(np.std(score)) == pytest.approx(1.0, abs=0.35)
+    assert np.isnan(found[[0, 7, -7, -1]]).all()
+
+
+@pytest.mark.parametrize(("digits", "counts"), [(6, True), (3, True), (2, False)])
+def test_times_count_frames_if_their_digits_show_it(digits: int, counts: bool) -> None:
+    numbers, frame_s = frame_numbers(np.delete(LONG, [50, 51, 200]).round(digits))
+    assert bool(len(numbers)) == counts
+    if counts:
+        assert frame_s == pytest.approx(1 / RATE, rel=1e-4)
+        np.testing.assert_array_equal(numbers, np.delete(np.arange(len(LONG)), [50, 51, 200]))
+
+
+def test_a_run_is_named_alone_and_three_together() -> None:
+    runs = [losing({100 + 50 * k: 1}, k, name=f"r{k}") for k in range(3)] + [losing({}, 7, name="good")]
+    one = runs_with_lost_frames(runs[2:], ())
+    assert [(item.run, item.kind, item.group) for item in one] == [("r2", "wrong-rate", ())]
+    assert one[0].seen.startswith("frames are missing (1 at 3.33 s), but the times count on")
+    three = runs_with_lost_frames(runs, ())
+    assert [item.group for item in three] == [("r0", "r1", "r2")] * 3
+    assert "(of r0 1 at 1.67 s)" in three[0].seen
+    assert runs_with_lost_frames(runs[3:], ()) == []
+
+
+def test_in_a_session_that_lost_frames_weaker_signs_count() -> None:
+    clear, weak = losing({200: 3}, name="clear"), losing({200: 1}, seed=3, speed=1.3, noise_mm=0.012, name="weak")
+    assert not lost_frames(weak)
+    assert [item.run for item in runs_with_lost_frames([clear, weak], ())] == ["clear", "weak"]
+    assert runs_with_lost_frames([weak], ()) == []
+
+
+def test_corrected_times_are_those_of_the_recording() -> None:
+    run = losing({120: 1, 300: 2})
+    (found,) = runs_with_lost_frames([run], ())
+    assert found.correction is not None
+    table = pd.DataFrame({"time_s": run.time_s, "a_x_mm": 1.0, "a_y_mm": 2.0, "b_x_mm": 3.0, "b_y_mm": 4.0})
+    mended: Floats = mended_marks(table, found.correction, ("a", "b"))["time_s"].to_numpy()
+    true = LONG + (np.arange(len(LONG)) >= 120) / RATE + 2 * (np.arange(len(LONG)) >= 300) / RATE
+    np.testing.assert_allclose(mended, true, atol=1e-4)
+    assert not lost_frames(replace(run, time_s=mended))
