@@ -13,16 +13,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 
 from evaluator.workflow import Decoder, Wanted
+from tests.evaluator.counted_clip import encoded, number_in, numbered
 
-BITS = 12
 # name, container, width, height, frames, group, B-frames, ticks between frames at most
 CLIPS = (
     ("640x480, GOP 12", "mp4", 640, 480, 1200, 12, 0, 1),
@@ -36,39 +34,24 @@ CLIPS = (
 def clip(folder: Path, number: int) -> Path:
     """Encode a clip: noise that moves, and the number of the frame in a row of squares."""
     _, kind, width, height, frames, group, b_frames, step = CLIPS[number]
-    path, rng, ticks, cell = folder / f"{number}.{kind}", np.random.default_rng(number), 0, width // BITS
+    path, rng = folder / f"{number}.{kind}", np.random.default_rng(number)
     texture = rng.integers(60, 140, (height, 2 * width, 3), dtype=np.uint8)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=60)
-        stream.width, stream.height, stream.pix_fmt, stream.gop_size = width, height, "yuv420p", group
-        stream.codec_context.time_base = Fraction(1, 60 * step)
-        parameters = f"keyint={group}:min-keyint={group}:scenecut=0:bframes={b_frames}"
-        stream.options = {"crf": "23", "preset": "veryfast", "bf": str(b_frames), "x264-params": parameters}
-        for index in range(frames):
-            image = texture[:, index % width : index % width + width].copy()
-            for bit in range(BITS):
-                image[: height // 8, bit * cell : (bit + 1) * cell] = 230 if index >> bit & 1 else 20
-            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-            frame.pts, frame.time_base = ticks, Fraction(1, 60 * step)
-            ticks += int(rng.integers(1, step + 1))
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    return path
+    moving = (texture[:, index % width : index % width + width] for index in range(frames))
+    images = (numbered(image, index, height // 8, (20, 230)) for index, image in enumerate(moving))
+    return encoded(path, images, rng, group, b_frames, step, {"crf": "23", "preset": "veryfast"})
 
 
-def number_in(jpeg: bytes) -> int:
+def number_of(jpeg: bytes) -> int:
     """The number that a frame shows."""
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    height, width = image.shape[0] // 8, image.shape[1] // BITS * BITS
-    cells = image[:height, :width].mean(axis=(0, 2)).reshape(BITS, -1).mean(axis=1)
-    return sum(1 << bit for bit, value in enumerate(cells) if value > 125)
+    return number_in(np.asarray(image), image.shape[0] // 8, 125.0)
 
 
 def timed(decoder: Decoder, wanted: Wanted) -> tuple[float, int, int]:
     """Milliseconds, the number that was given, and the number that is shown."""
     began = time.perf_counter()
     ((index, jpeg),) = decoder.frames(wanted)
-    return 1000 * (time.perf_counter() - began), index, number_in(jpeg)
+    return 1000 * (time.perf_counter() - began), index, number_of(jpeg)
 
 
 def seeks(decoder: Decoder, path: Path, count: int) -> str:

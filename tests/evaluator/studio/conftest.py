@@ -1,4 +1,4 @@
-"""The studio open on two runs of one video, for tests in a browser; other modules open it on a folder of their own."""
+"""The studio open on a folder: two runs of one video, or what a module prepares or makes in their place."""
 
 from __future__ import annotations
 
@@ -18,9 +18,14 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def studio(prepared: Path, tmp_path: Path) -> Iterator[object]:
+def folder(prepared: Path, tmp_path: Path) -> Path:
+    """A copy of the folder for one test."""
+    return Path(shutil.copytree(prepared, tmp_path / "folder"))
+
+
+@pytest.fixture
+def studio(folder: Path) -> Iterator[object]:
     from tests.evaluator.studio.serving import serving  # skips where the libraries of the studio are missing
 
-    shutil.copytree(prepared, tmp_path / "folder")
-    with serving(tmp_path / "folder") as found:
+    with serving(folder) as found:
         yield found

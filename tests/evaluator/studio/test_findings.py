@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot, shipped_robot_text
 from simulator.simulation import simulate
-from tests.evaluator.studio.serving import Serving, serving
+from tests.evaluator.studio.serving import Serving
 from tests.evaluator.synthetic import three_runs
 
 EFFECT = {"id": "plate-tilt", "name": "the plate is not level", "probability": 0.99, "equivalent": []}
@@ -58,13 +57,9 @@ def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return experiment
 
 
-@pytest.fixture
-def studio(analysed: Path, tmp_path: Path) -> Iterator[Serving]:
-    import shutil
-
-    shutil.copytree(analysed.parent, tmp_path / "folder")
-    with serving(tmp_path / "folder") as running:
-        yield running
+@pytest.fixture(scope="module")
+def prepared(analysed: Path) -> Path:
+    return analysed.parent
 
 
 def path_of(studio: Serving) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,6 @@ from tests.waiting import HANGS_S
 def folder(tmp_path: Path) -> Path:
     three_runs(tmp_path / "circles")
     return tmp_path
-
-
-@pytest.fixture
-def studio(folder: Path) -> Iterator[Serving]:
-    with serving(folder) as found:
-        yield found
 
 
 def jobs(studio: Serving) -> list[dict[str, Any]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Iterator
 from functools import partial
 from operator import add
 from pathlib import Path
@@ -21,7 +20,7 @@ from evaluator.workflow.frames.child import Child
 from evaluator.workflow.samples import sample_folder
 from evaluator.workflow.viewing.cameras import light_of
 from tests.evaluator.studio.live_camera import camera_file
-from tests.evaluator.studio.serving import Serving, serving
+from tests.evaluator.studio.serving import Serving
 from tests.waiting import HANGS_S
 
 
@@ -35,12 +34,6 @@ def folder(tmp_path: Path) -> Path:
         shutil.copy(sample_folder() / name, tmp_path / name)
     camera_file(tmp_path / "camera.mkv", [gauge_image("gauge-3-tilted.png")] * 5)
     return tmp_path
-
-
-@pytest.fixture
-def studio(folder: Path) -> Iterator[Serving]:
-    with serving(folder) as found:
-        yield found
 
 
 def looked(studio: Serving, file: str) -> tuple[dict[str, Any], np.ndarray]:

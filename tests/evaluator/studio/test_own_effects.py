@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +39,8 @@ def experiment(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def studio(experiment: Path) -> Iterator[Serving]:
-    with serving(experiment.parent) as found:
-        yield found
+def folder(experiment: Path) -> Path:
+    return experiment.parent
 
 
 def path_of(studio: Serving) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pandas as pd
 import pytest
 
 from evaluator.workflow.samples import sample_folder
-from tests.evaluator.studio.serving import Serving, serving
+from tests.evaluator.studio.serving import Serving
 from tests.waiting import HANGS_S
 
 RUN = "turn-33-5"
@@ -38,12 +37,6 @@ def folder(tmp_path: Path) -> Path:
         shutil.copy(sample_folder() / name, tmp_path / name)
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     return tmp_path
-
-
-@pytest.fixture
-def studio(folder: Path) -> Iterator[Serving]:
-    with serving(folder) as found:
-        yield found
 
 
 def path_of(studio: Serving) -> str:

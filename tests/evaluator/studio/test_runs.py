@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -50,12 +49,6 @@ video = "gone.mp4"
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     return tmp_path
-
-
-@pytest.fixture
-def studio(folder: Path) -> Iterator[Serving]:
-    with serving(folder) as found:
-        yield found
 
 
 def first(studio: Serving) -> tuple[str, dict[str, Any]]:
