@@ -23,6 +23,8 @@ ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 UNNAMED = "mark "
 CORNER = "_corner"  # part of the names of corners of tags
+# Drawn axes in distances of the marks: of the paper's robot, from its centre just beyond its front and to its wheels.
+AHEAD, TO_THE_LEFT = 1.1, 0.55
 
 
 @dataclass(frozen=True, init=False, eq=True)
@@ -87,6 +89,11 @@ class MarkGeometry:
     def spacing_mm(self) -> float:
         """Largest distance between two marks; NaN for a single one."""
         return self._apart(*self.farthest_pair()) if len(self.places_mm) > 1 else float("nan")
+
+    @property
+    def axes_mm(self) -> tuple[float, float]:
+        """Lengths at which the robot's axes are drawn, ahead and to the left; NaN for a single mark."""
+        return AHEAD * self.spacing_mm, TO_THE_LEFT * self.spacing_mm
 
     def only(self, names: Iterable[str]) -> MarkGeometry:
         """Some of the marks, in the order of the robot."""

@@ -23,7 +23,7 @@ READING = frozenset(
 )
 ONCE_S = 1.0  # interrupts within this time are one: a terminal interrupts parent and child, and the parent forwards it
 WATCHED_S = 0.5  # interval at which a child checks whether its parent still runs
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, INTERRUPTED = 2, 130  # exit statuses, as of other programs on Unix
 FIRST_FATAL_ON_WINDOWS = 0xC0000000  # larger exit codes are exceptions of the system, such as access violations
 
 

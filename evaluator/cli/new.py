@@ -7,10 +7,9 @@ from pathlib import Path
 
 import click
 
+from evaluator.cli.guard import BAD_INPUT
 from evaluator.cli.options import PATH, experiment_argument, json_option, quiet_option, say_mended, write_mended_option
 from evaluator.wording import counted
-
-BAD_INPUT = 2
 
 
 @click.command(epilog="\b\nExamples:\n  turnscope new monday\n  turnscope new monday --robot column")

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from evaluator.cli.guard import BAD_INPUT
 from evaluator.cli.options import PATH
 
 if TYPE_CHECKING:
     from evaluator.interchange.tracks import Tracks
     from evaluator.workflow.turning_tables import MeasuredTable
-
-BAD_INPUT = 2
 
 
 class WithMarkNames(click.Command):

@@ -31,7 +31,7 @@ from simulator.robot import Robot, load_robot
 
 Floats = NDArray[np.float64]
 
-FEWEST_FRAMES = 12
+FEWEST_FRAMES = 12  # 0.2 s at 60 frames/s: a turn of some degrees, against 0.1 degrees of noise in a heading
 # A 5 Hz lidar measures seven to eleven poses in two seconds. Three poses determine one mode of each coordinate and of
 # the heading (features.compression). The start pose takes one mode of each, so that two are needed.
 FEWEST_POSES = 6

@@ -11,8 +11,6 @@ from evaluator.report.overlay import Drawing
 from evaluator.turning import measure_turning
 from evaluator.workflow import Tracked
 
-NOSE_MM = 4.0  # just beyond the robot's front
-LEFT_MM = 2.0  # to the left wheels
 AXES, MARGIN = 0.08, 0.14  # length of the plate's axes, distance from the lower left corner, in heights of the image
 
 
@@ -37,14 +35,12 @@ def turn_drawing(tracked: Tracked) -> Drawing | None:
         angle, radius = np.linspace(0.0, 2.0 * np.pi, 361), abs(turning.radius_mm)
         circle = in_frame(turning.center_x_mm + radius * np.cos(angle), turning.center_y_mm + radius * np.sin(angle))
         caption = f"R = {radius:.2f} mm"
-    nose_x = poses.x_mm + NOSE_MM * np.cos(poses.heading_rad)
-    nose_y = poses.y_mm + NOSE_MM * np.sin(poses.heading_rad)
+    ahead_mm, left_mm = geometry.marks().axes_mm
+    cos, sin = np.cos(poses.heading_rad), np.sin(poses.heading_rad)
     return Drawing(
         center_px=in_frame(poses.x_mm, poses.y_mm),
-        nose_px=in_frame(nose_x, nose_y),
-        left_px=in_frame(
-            poses.x_mm - LEFT_MM * np.sin(poses.heading_rad), poses.y_mm + LEFT_MM * np.cos(poses.heading_rad)
-        ),
+        nose_px=in_frame(poses.x_mm + ahead_mm * cos, poses.y_mm + ahead_mm * sin),
+        left_px=in_frame(poses.x_mm - left_mm * sin, poses.y_mm + left_mm * cos),
         circle_px=circle,
         axes_px=plate_axes(camera, height_mm),
         caption=caption,

@@ -28,6 +28,8 @@ from simulator.steady import steady_turn
 
 MN_PER_N = 1e3
 RAD_S_PER_RPM = 2 * np.pi / 60
+SMALL_MM = 100.0  # extent from which a robot is described in metres, where solvers of other simulators are at home
+LIMIT = 3.0  # friction limit of a contact over the robot's, so that it creeps and does not slide
 
 
 @dataclass(frozen=True)

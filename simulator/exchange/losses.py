@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from simulator.exchange.creep import is_in_turn
+from simulator.exchange.creep import SMALL_MM, is_in_turn
 from simulator.robot import Robot
-
-SMALL_MM = 100.0
 
 
 def losses(robot: Robot, left_rpm: float, right_rpm: float, kind: str = "mjcf") -> tuple[str, ...]:

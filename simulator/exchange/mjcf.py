@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from simulator.exchange.creep import RAD_S_PER_RPM, Contact, contacts_in_turn
+from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, SMALL_MM, Contact, contacts_in_turn
 from simulator.nominal_robot import GRAVITY_MM_S2, Wheel
 from simulator.robot import Robot
 
-SMALL_MM = 100.0
 SETTLES = 10.0  # time constant of a contact, in steps; MuJoCo's minimum of two makes contacts chatter
 SINKS = 1e-3  # of the smallest wheel's radius: approximate depth to which the robot may sink into the plate
 WHEEL_MASS = 1e-4  # of the robot's mass, each: in the slip model wheels have no mass
 ARMATURE = 0.1  # of mass times radius squared: motor inertia, without which light wheels are numerically unstable
 SHORTEST = 2.0  # shortest time constant, in steps
 IMPEDANCE = 0.9  # of contacts, at any depth
-LIMIT = 3.0  # friction limit of a contact over the robot's, so that it creeps and does not slide
 CONTACTS = 2  # of a capsule with a plane
 NARROW = 1e-2  # of the radius: half the width of a wheel. Capsules, because their contact is aligned with the axle
 LAGS = 1e-4  # of the commanded rotation: loss of the motors under load

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from simulator.exchange.creep import RAD_S_PER_RPM, Contact, contacts_in_turn
+from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, Contact, contacts_in_turn
 from simulator.nominal_robot import GRAVITY_MM_S2
 from simulator.robot import Robot
 
 MM_PER_M, G_PER_KG = 1e3, 1e3
 WHEEL_MASS = 1e-2  # of the robot's mass, each: Gazebo's solvers need parts of similar mass
-LIMIT = 3.0  # friction of a contact over the robot's, so that it creeps and does not slide
-STEP_S = 1e-3
+STEP_S = 1e-3  # Gazebo's usual step
 
 
 def sdf(robot: Robot, left_rpm: float, right_rpm: float) -> str:

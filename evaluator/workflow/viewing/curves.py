@@ -19,10 +19,10 @@ from evaluator.workflow.viewing.overview import out_folder
 
 if TYPE_CHECKING:
     from calibration.camera import Camera
+    from evaluator.mark_geometry import MarkGeometry
 
 Array = NDArray[np.float64]
 Column = dict[str, Any]
-NOSE_MM = 4.0  # just beyond the robot's front
 SPAN_S = 0.2  # interval of the slopes for speeds: tracking noise of 0.005 mm causes 0.04 mm/s
 
 
@@ -46,11 +46,11 @@ def run_curves(experiment: Path, run_id: str) -> RunCurves:
         return RunCurves()
     marks = read_marks(outputs.marks(run_id))
     camera = _camera_of(run)
-    height = _mark_height(run.robot)
-    poses = _pose_columns(pd.read_csv(outputs.poses(run_id)), camera, height)
+    marks_of_robot = _marks_of(run.robot)
+    poses = _pose_columns(pd.read_csv(outputs.poses(run_id)), camera, marks_of_robot)
     simulated: Column = {}
     if outputs.simulated(run_id).is_file():
-        simulated = _pose_columns(pd.read_csv(outputs.simulated(run_id)), camera, height)
+        simulated = _pose_columns(pd.read_csv(outputs.simulated(run_id)), camera, marks_of_robot)
     return RunCurves(_mark_columns(marks), poses, simulated)
 
 
@@ -65,7 +65,7 @@ def _mark_columns(marks: pd.DataFrame) -> Column:
     }
 
 
-def _pose_columns(table: pd.DataFrame, camera: Camera | None, height_mm: float) -> Column:
+def _pose_columns(table: pd.DataFrame, camera: Camera | None, marks: MarkGeometry) -> Column:
     time, x, y = (table[name].to_numpy(float) for name in ("time_s", "x_mm", "y_mm"))
     heading = np.radians(table["heading_deg"].to_numpy(float))
     u, v = _slope(time, x), _slope(time, y)
@@ -78,9 +78,10 @@ def _pose_columns(table: pd.DataFrame, camera: Camera | None, height_mm: float) 
         "yaw_rate_deg_s": np.degrees(_slope(time, heading)),
     }
     if camera is not None:
-        nose = x + NOSE_MM * np.cos(heading), y + NOSE_MM * np.sin(heading)
+        ahead_mm, _ = marks.axes_mm
+        nose = x + ahead_mm * np.cos(heading), y + ahead_mm * np.sin(heading)
         for name, (at_x, at_y) in {"center": (x, y), "nose": nose}.items():
-            px = camera.image_from_plate(np.stack([at_x, at_y, np.full_like(at_x, height_mm)], axis=-1))
+            px = camera.image_from_plate(np.stack([at_x, at_y, np.full_like(at_x, marks.height_mm)], axis=-1))
             found[f"{name}_x_px"], found[f"{name}_y_px"] = px[:, 0], px[:, 1]
     return found
 
@@ -108,8 +109,8 @@ def _camera_of(run: UnfinishedRun) -> Camera | None:
     return camera
 
 
-def _mark_height(robot: str) -> float:
-    from evaluator.robot_geometry import marks_height_mm
+def _marks_of(robot: str) -> MarkGeometry:
+    from evaluator.robot_geometry import mark_geometry
     from simulator.robot import load_robot
 
-    return marks_height_mm(read_with(load_robot, Path(robot)))
+    return mark_geometry(read_with(load_robot, Path(robot)))

@@ -50,8 +50,9 @@ def test_poses_of_the_overlay_lie_where_the_camera_sees_them(monkeypatch: pytest
 
     cos, sin = np.cos(angle), np.sin(angle)
     np.testing.assert_allclose(drawing.center_px, seen(*pose[:2]), atol=0.01)
-    np.testing.assert_allclose(drawing.nose_px, seen(pose[0] + 4 * cos, pose[1] + 4 * sin), atol=0.05)
-    np.testing.assert_allclose(drawing.left_px, seen(pose[0] - 2 * sin, pose[1] + 2 * cos), atol=0.05)
+    ahead, left = 1.1 * 3.66, 0.55 * 3.66  # the marks are 3.66 mm apart
+    np.testing.assert_allclose(drawing.nose_px, seen(pose[0] + ahead * cos, pose[1] + ahead * sin), atol=0.01)
+    np.testing.assert_allclose(drawing.left_px, seen(pose[0] - left * sin, pose[1] + left * cos), atol=0.01)
     middle, at = (
         camera.image_from_plate(np.array([10.0, 20.0, 6.5])),
         camera.image_from_plate(np.array([18.0, 20.0, 6.5])),

@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 
 from calibration.camera import camera_above
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.workflow.viewing.curves import _mark_columns, _pose_columns, _slope
 
 TIME_S = np.arange(120) / 60
+MARKS = MarkGeometry({"green": (0.0, 1.0), "yellow": (0.0, -1.0)}, height_mm=6.5)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -20,15 +22,15 @@ def test_speed_is_that_along_the_heading_and_places_are_where_the_camera_sees_th
     heading = angle + (0.0 if way > 0 else np.pi)
     x, y = 10 + 8 * np.sin(angle), 20 - 8 * np.cos(angle)
     table = pd.DataFrame({"time_s": TIME_S, "x_mm": x, "y_mm": y, "heading_deg": np.degrees(heading)})
-    found = _pose_columns(table, camera, 6.5)
+    found = _pose_columns(table, camera, MARKS)
     np.testing.assert_allclose(found["speed_mm_s"], way * 4.8, rtol=2e-3)
     np.testing.assert_allclose(found["yaw_rate_deg_s"], np.degrees(0.6), rtol=1e-6)
     np.testing.assert_allclose(found["heading_deg"], table["heading_deg"])
-    for name, ahead in (("center", 0.0), ("nose", 4.0)):
+    for name, ahead in (("center", 0.0), ("nose", 2.2)):
         place = np.stack([x + ahead * np.cos(heading), y + ahead * np.sin(heading), np.full(120, 6.5)], axis=1)
         seen = np.stack([found[f"{name}_x_px"], found[f"{name}_y_px"]], axis=1)
         np.testing.assert_allclose(seen, camera.image_from_plate(place))
-    assert "nose_x_px" not in _pose_columns(table, None, 6.5)
+    assert "nose_x_px" not in _pose_columns(table, None, MARKS)
 
 
 def test_a_slope_is_over_a_fifth_of_a_second_and_is_unknown_where_the_value_is() -> None:
