@@ -20,6 +20,14 @@ GREEN, YELLOW, BLACK, PLATE = (60, 225, 80), (235, 230, 50), (25, 25, 27), (130,
 LUMA = np.array([0.299, 0.587, 0.114])
 
 
+def frame_of(luma: np.ndarray, *, depth: int = 8, origin: int = 0, step: int = 1) -> Frame:
+    """A grey frame, or a field of one."""
+    return Frame(
+        0, 0, Fraction(1, 60), luma, None, None, depth, full_range=True, matrix="bt601", row_origin=origin,
+        row_step=step, kind="", repeated=False, owner=None,
+    )  # fmt: skip
+
+
 def frames_in_memory(images: list[Array]) -> Iterator[Frame]:
     """Luma and full-resolution colour planes without any codec."""
     for index, image in enumerate(images):
