@@ -32,6 +32,16 @@ SMALL_MM = 100.0  # extent from which a robot is described in metres, where solv
 LIMIT = 3.0  # friction limit of a contact over the robot's, so that it creeps and does not slide
 
 
+def moments_g_mm2(robot: Robot) -> tuple[float, float]:
+    """Moments of inertia about the vertical, and about the horizontal axes, which a planar model does not define.
+
+    About the horizontal ones it is that of a box, and large enough for a real body of that moment about the vertical.
+    """
+    body, yaw = robot.body, robot.yaw_inertia_g_mm2
+    box = body.mass_g * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12
+    return yaw, max(box, 0.51 * yaw)
+
+
 @dataclass(frozen=True)
 class Contact:
     """A wheel on the plate in the turn: load and attraction, N; rpm: its speed, None where it rolls freely.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, SMALL_MM, Contact, contacts_in_turn
+from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, SMALL_MM, Contact, contacts_in_turn, moments_g_mm2
 from simulator.nominal_robot import GRAVITY_MM_S2, Wheel
 from simulator.robot import Robot
 
@@ -215,11 +215,8 @@ def _inverse_mass(wheel: Wheel, robot: Robot, units: Units) -> float:
 
 
 def _inertia(robot: Robot, units: Units) -> tuple[float, float]:
-    """Moments of inertia about the vertical, and about the horizontal axes, which a planar model does not define."""
-    body, mass = robot.body, robot.body.mass_g / units.mass_g
-    yaw = robot.yaw_inertia_g_mm2 / units.mass_g / units.length_mm**2
-    box = mass * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12 / units.length_mm**2
-    return yaw, max(box, 0.51 * yaw)
+    yaw, tilting = (moment / units.mass_g / units.length_mm**2 for moment in moments_g_mm2(robot))
+    return yaw, tilting
 
 
 def _motor(actuators: ET.Element, contact: Contact, units: Units, robot: Robot) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, Contact, contacts_in_turn
+from simulator.exchange.creep import LIMIT, RAD_S_PER_RPM, Contact, contacts_in_turn, moments_g_mm2
 from simulator.nominal_robot import GRAVITY_MM_S2
 from simulator.robot import Robot
 
@@ -54,9 +54,7 @@ def _chassis(model: ET.Element, robot: Robot, contacts: tuple[Contact, ...]) -> 
     body, mass = robot.body, robot.body.mass_g / G_PER_KG
     (x, y), wheels = robot.body.center_of_gravity_mm, sum(contact.wheel.grips for contact in contacts)
     link = ET.SubElement(model, "link", name="chassis")
-    yaw = robot.yaw_inertia_g_mm2 / G_PER_KG / MM_PER_M**2
-    box = mass * (max(body.length_mm, body.width_mm) ** 2 + body.height_mm**2) / 12 / MM_PER_M**2
-    tilting = max(box, 0.51 * yaw)
+    yaw, tilting = (moment / G_PER_KG / MM_PER_M**2 for moment in moments_g_mm2(robot))
     own = mass * (1 - WHEEL_MASS * wheels)
     _inertial(link, (x / MM_PER_M, y / MM_PER_M, 0.0), own, (tilting, tilting, yaw))
     sizes = (body.length_mm, body.width_mm, body.height_mm / 2)
