@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from calibration.gauge.geometry import Gauge
-from calibration.gauge.printing import Disc, gauge_sheet, pdf, svg
+from calibration.gauge.printing import Bar, Disc, Sheet, Text, _rgb, gauge_sheet, pdf, svg
 from evaluator.cli.gauge import gauge as command
+from tests.calibration.drawing import gauge_of
 
 GAUGE = Gauge.model_validate(
     {
@@ -29,6 +32,58 @@ def test_sheet_repeats_the_positions_of_the_gauge() -> None:
     wanted = GAUGE.positions_mm().reshape(-1, 2)
     assert np.allclose(placed - placed[0], wanted - wanted[0])
     assert sorted({disc.diameter for disc in discs}) == [3.0, 5.0]
+
+
+def of(sheet: Sheet, kind: type) -> list[Any]:
+    return [shape for shape in sheet.shapes if isinstance(shape, kind)]
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "page"),
+    [
+        (22, 20, (210, 297)), (23, 20, (211, 213)), (23, 19, (297, 210)), (20, 30, (210, 297)), (20, 31, (187, 301)),
+        (33, 19, (297, 210)), (34, 19, (299, 205)), (3, 60, (80, 533)),
+    ],
+)  # fmt: skip
+def test_a_sheet_is_a_page_of_a4_either_way_up_or_as_large_as_the_gauge_needs(
+    columns: int, rows: int, page: tuple[float, float]
+) -> None:
+    """Dots of 3 mm every 8 mm, half a pitch of white around, margins of 12 mm, a foot of 26 mm."""
+    sheet = gauge_sheet(gauge_of(columns=columns, rows=rows, pitch_mm=8.0, diameter_mm=3.0))
+    assert (sheet.width, sheet.height) == pytest.approx(page)
+    discs = np.array([(disc.x, disc.y) for disc in of(sheet, Disc)])
+    np.testing.assert_allclose((discs.min(axis=0) + discs.max(axis=0)) / 2, [sheet.width / 2, (sheet.height - 26) / 2])
+
+
+def test_a_ruler_in_millimetres_stands_at_the_foot_with_what_to_do() -> None:
+    sheet = gauge_sheet(GAUGE)
+    line, *ticks = of(sheet, Bar)
+    assert (line.x, line.y, line.width, line.height) == (30.0, 277.0, 150, 0.15)
+    assert len(ticks) == 151
+    for mm, tick in enumerate(ticks):
+        tall = 4.0 if mm % 10 == 0 else 2.8 if mm % 5 == 0 else 1.8
+        assert (tick.x, tick.y, tick.width, tick.height) == pytest.approx((30 + mm - 0.075, 277 - tall, 0.15, tall))
+    *numbers, about, advice = of(sheet, Text)
+    assert [(text.text, text.x, text.y) for text in numbers] == [
+        (str(mm), 30.0 + mm, pytest.approx(280.6)) for mm in range(0, 151, 10)
+    ]
+    assert about.text == "staggered: staggered, 5 × 7 dots of 3 mm, pitch 8 × 6 mm"
+    assert (about.x, about.y, advice.x, advice.y) == (105.0, pytest.approx(285.2), 105.0, pytest.approx(289.2))
+    assert advice.text.startswith("Print at 100 %. If the 150 mm above are wrong")
+    narrow = gauge_sheet(gauge_of(columns=3, rows=60, pitch_mm=8.0, diameter_mm=3.0))
+    assert of(narrow, Bar)[0].width == 50  # of a page of 80 mm without its margins
+
+
+def test_a_coloured_sheet_has_its_ground_under_the_dots_and_fiducials_their_colour() -> None:
+    gauge = gauge_of(background="yellow", fiducial=[{"column": 1, "row": 2, "color": "red"}])
+    ground, *_ = of(sheet := gauge_sheet(gauge), Bar)
+    assert (ground.color, ground.width, ground.height) == ("yellow", 12 * 3 + 1.2 + 3, pytest.approx(8 * 3 + 1.2 + 3))
+    assert (ground.x + ground.width / 2, ground.y + ground.height / 2) == pytest.approx(
+        (sheet.width / 2, (sheet.height - 26) / 2)
+    )
+    assert [k for k, disc in enumerate(of(sheet, Disc)) if disc.color == "red"] == [2 * 13 + 1]
+    assert _rgb("red") == (1.0, 0.0, 0.0)
+    assert len(of(gauge_sheet(gauge_of()), Bar)) == 152  # none on white
 
 
 def discs_mm(paths: list[str]) -> np.ndarray:
