@@ -111,7 +111,7 @@ def main() -> int:
     everything = [mutant for file in files for mutant in mutants(file)]
     chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
     trial = Trial(chosen, reach := Reach(ROOT))
-    pytest.main(["-q", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
+    pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
     share = 1 - trial.survived / len(chosen)
     print(f"{len(chosen)} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
     return int(trial.failed or share < said.wanted)
