@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-CHANCE_AMPLIFICATION = 1e4
+CHANCE_AMPLIFICATION = 1e4  # a micrometre at the start becomes a centimetre
 
 
 @dataclass(frozen=True)

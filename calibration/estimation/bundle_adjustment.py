@@ -20,8 +20,8 @@ from calibration.lens import LensModel
 Array = NDArray[np.float64]
 POSE_COUNT = 6  # a rotation vector and a translation
 LENS_PARAMETERS = PARAMETERS[6:]
-STEPS = 60
-DISC_ROUNDS = 4
+STEPS = 60  # most of a fit, which ends when its cost does not fall any more
+DISC_ROUNDS = 4  # most solutions, which end when the discs' centres rest (DISC_REST_PX)
 DISC_REST_PX = 1e-5  # a hundredth of the best centre's uncertainty
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
-TERMS = 7
-QUADRATIC = 3
+TERMS = 7  # Legendre products of second and third order; tilt and height belong to the pose
+QUADRATIC = 3  # of these, the ones of second order
 # 95 % quantile of the peak to valley of random faces, in sigmas of their seven independent normal coefficients
 # (simulated: 9.97 to 9.99 on arrays of 11 by 8 to 41 by 31 dots).
 PEAK_TO_VALLEY_SIGMAS = 10.0

@@ -25,7 +25,7 @@ from evaluator.recording import Frame
 from evaluator.recording.layout import Layout
 from evaluator.wording import counted, verb
 
-LOOK_EVERY_S = 1.0
+LOOK_EVERY_S = 1.0  # for a person who moves a lamp or a mask
 REST_S = 0.5  # recorded before the start of the motors, because the report needs the robot at rest
 
 

@@ -11,7 +11,7 @@ from evaluator.report.pages.html import Table
 from evaluator.report.runs import RunView, unit_of
 from simulator.nominal_robot import WHEELS
 
-MOST_NAMED = 6
+MOST_NAMED = 6  # commands in a sentence
 Column = Callable[[RunView], str]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from evaluator.errors import InputError
 
 MOST_FILES = 20_000  # limit of the search below the folder, so that the studio of a whole disk opens quickly
-DEPTH = 6
+DEPTH = 6  # of folders that are searched below that of the studio
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".wmv", ".flv")
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 

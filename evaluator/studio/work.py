@@ -10,7 +10,7 @@ from typing import Any
 
 from evaluator.progress import Cancelled
 
-TELL_S = 0.15
+TELL_S = 0.15  # a bar that moves as smoothly as one can see
 Json = dict[str, Any]
 
 

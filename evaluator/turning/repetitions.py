@@ -14,7 +14,7 @@ import pandas as pd
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, difference, pooled
 
-ISO_4138_REPETITIONS = 3
+ISO_4138_REPETITIONS = 3  # of each turn, at least
 # Ratio of radii above which runs are not repetitions. Repetitions of a command scatter by a few percent (friction,
 # grain, dirt); with a ratio of 1.5 a run was disturbed, or its command is not the stated one.
 DISAGREEMENT = 1.5

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # the report reads tables of pieces without a simulator
 
 Floats = NDArray[np.float64]
 
-PIECE_S = 1.0
+PIECE_S = 1.0  # a turn of some degrees: long enough for a mean velocity, short enough for a heading
 FEWEST_FREEDOM = 3  # runs beyond the coefficients
 FEWEST_FRAMES = 5  # in a piece: a slope over fewer is mostly noise
 SHOWN_SIGMAS = 3.5  # of 57 tests: chance exceeds this in one of forty experiments

@@ -30,7 +30,7 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-MOST_STEPS = 10
+MOST_STEPS = 10  # each a linearization of all runs; a fit ends when little is predicted of the next one (SETTLED)
 # Predicted decrease of -2 log density below which a fit has converged: a hundredth of the 23 that an effect needs (odds
 # of eight over its prior). Parameters and evidence are those of the linearized optimum, whose errors are smaller.
 SETTLED = 0.2

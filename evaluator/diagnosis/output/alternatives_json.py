@@ -14,7 +14,7 @@ from evaluator.diagnosis.output.effects_json import rounded
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.wording import power_of_ten
 
-RIVALS_LISTED = 8
+RIVALS_LISTED = 8  # the most probable first
 
 
 def rivals(diagnosis: Diagnosis) -> list[RivalContent]:

@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
 from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, Line, drawing
 
-MOST_PANELS = 6
+MOST_PANELS = 6  # two rows; the map has all dependences
 MOST_POINTS = 250  # of a panel: more points overlap, and increase the size of the page
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade

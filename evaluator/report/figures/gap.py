@@ -11,7 +11,7 @@ import pandas as pd
 from evaluator.report.numbers import METRES, MILLIMETRES
 from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
 
-MOST_ROWS = 40
+MOST_ROWS = 40  # more would be unreadable
 AFTER = "; dots: with the effects found"
 HELD_OUT = "the sizes of the effects were fitted without them, but the effects themselves were chosen with all runs"
 

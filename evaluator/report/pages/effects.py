@@ -23,7 +23,7 @@ from simulator.simulation import simulate
 
 ROBOT, OF_GROUND = "barrel", "four_driven"  # effects of open ground have little influence on a plate
 LEFT_RPM, RIGHT_RPM, DURATION_S = 33.3, 14.4, 6.0  # the turn of the paper's Figure 19
-FRAMES_PER_S = 30
+FRAMES_PER_S = 30  # chords of a turn that are shorter than a pixel
 RUN_INDEX = 10  # for effects that change from run to run, the eleventh run is drawn
 SUMMARY = (
     f"Each drawing: measured path of the centre of the {ROBOT} robot at {LEFT_RPM:g}/{RIGHT_RPM:g} rpm for "

@@ -31,7 +31,7 @@ from evaluator.workflow import (
     write_robot,
 )
 
-MOST_EFFECTS = 40
+MOST_EFFECTS = 40  # of a request: more than the catalogue has
 
 
 def routes(studio: Studio) -> list[Route]:

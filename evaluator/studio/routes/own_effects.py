@@ -21,7 +21,7 @@ from evaluator.workflow import (
     write_own_effect,
 )
 
-MOST_TERMS = 40
+MOST_TERMS = 40  # as many as a robot can have (simulator.dynamics.record)
 NUMBERS = ("low", "high", "step")
 TEXTS = ("channel", "depends_on", "pattern", "coefficient", "unit")
 

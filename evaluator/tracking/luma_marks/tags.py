@@ -26,7 +26,7 @@ FAMILIES = {
     "aruco": ("4X4", "5X5", "6X6", "7X7", "ARUCO_ORIGINAL", "ARUCO_MIP_36H12"),
     "apriltag": ("APRILTAG_36H11", "APRILTAG_25H9", "APRILTAG_16H5", "APRILTAG_36H10"),
 }
-SIZES = (50, 100, 250, 1000)
+SIZES = (50, 100, 250, 1000)  # tags in the dictionaries of an ArUco family
 # px: least side. The smallest tag has six cells across, and a cell needs two samples. The side of a followed tag stays
 # above half of its length from one frame to the next.
 LEAST_SIDE_PX, SHRUNK = 12.0, 0.5

@@ -27,7 +27,7 @@ ANGLE, DISTANCE, ASIDE, HEIGHT = range(4, 8)  # indices of the edge's unknowns, 
 UNKNOWNS = 8
 CLEARLY = 20.0  # decrease of squared residuals, in variances, that four unknowns cause by chance once in 2000 frames
 SHIFTED = 3.0  # shift of a mark by a slope, in sigmas, where an edge shifts it by one sigma; in clips, a third or less
-STEPS, ENOUGH_PX = 20, 0.01
+STEPS, ENOUGH_PX = 20, 0.01  # most steps of a fit; a smaller step ends it
 LARGEST = 0.4  # radii: largest step of the centre or the edge
 TURNED = 0.3  # rad: largest step of the edge's direction
 

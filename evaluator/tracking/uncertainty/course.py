@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
-REACH = 5
+REACH = 5  # neighbours on either side
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
 # leaves 1e-3 px. A frame's error needs two more neighbours than the quartic has unknowns, with two of them on either
 # side.

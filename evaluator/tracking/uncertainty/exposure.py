@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STEADY, JUMP = 24.0, 320.0
+STEADY, JUMP = 24.0, 320.0  # the denominators of both cases
 # Sigmas of the centres' errors beyond which a jump is real; sum of the squares of the centres' weights in a jump.
 CERTAIN, WEIGHTS = 3.0, 17.5
 

@@ -9,7 +9,7 @@ from evaluator.tracking.uncertainty.course import EITHER_SIDE, LEAST, REACH, Cou
 
 Array = NDArray[np.float64]
 
-STRIDES = (2, 4, 8)
+STRIDES = (2, 4, 8)  # frames, each twice the one before
 # Residual of a path beside its course, px. On turns of 20 px radius it is smaller over a path of STRAIGHT_PX; on wider
 # turns, with a radius known from the directions over some frames, over longer paths.
 LEAVES_PX, STRAIGHT_PX, DIRECTION = 0.01, 6.0, 5

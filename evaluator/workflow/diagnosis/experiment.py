@@ -38,6 +38,8 @@ from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from simulator.own_effects.files import file_of
 
+REASONS_SHOWN = 3  # of runs without marks, in one sentence
+
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult:
@@ -200,9 +202,6 @@ def _session(
         reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
         raise InputError(f"{path}: no run has marks that can be used ({reasons})")
     return replace(session, skipped=skipped)
-
-
-REASONS_SHOWN = 3
 
 
 def _to_be_read(run: Run, experiment: Experiment) -> bool:

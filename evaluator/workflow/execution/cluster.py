@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
-DASK_TIMEOUT_S = 20.0
+DASK_TIMEOUT_S = 20.0  # for the answer of a scheduler, also one that is starting
 # Number of retries of a job after its worker died, before the job is considered the cause.
 DASK_RETRIES = 5
 # Time without any worker after which a batch ends: workers that are started again, or moved by a queue, take less.

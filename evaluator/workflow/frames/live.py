@@ -16,7 +16,7 @@ from evaluator.workflow.frames.child import Child
 
 ANSWER_S = 60.0  # cameras take seconds to open, and on a busy machine their process took 18 s to start
 SOON_S = 1.0  # timeout of the detection of dots, which usually takes a tenth; the preview continues without them
-FIRST_FRAME_S = 10.0
+FIRST_FRAME_S = 10.0  # cameras take seconds to open
 IDLE_S = 10.0  # time without requests after which the camera is released for other programs
 MOST_PX = 1280  # of the preview
 NOTHING: dict[str, Any] = {

@@ -14,7 +14,7 @@ import numpy as np
 from evaluator.recording import Frame, ImageSequence, Recording
 
 IMAGES = 12  # per run: about one every ten degrees of a typical turn
-WIDTH_PX = 320
+WIDTH_PX = 320  # half of VGA: marks are recognised
 ASSUMED_FRAMES = 600  # if the container does not state their number: ten seconds at 60/s
 
 

@@ -21,12 +21,12 @@ from evaluator.workflow.samples import sample_folder
 if TYPE_CHECKING:
     from simulator.robot import Robot
 
-TURN_RPM = (33.3, 14.4)
+TURN_RPM = (33.3, 14.4)  # the turn of the paper's Figure 19
 TURN_S = 6.0  # two thirds of a full circle: enough for the radius, a third of the frames of a sample recording
-HIDDEN, PARAMETER, SIZE = "axle-compliance", "deg_per_mN", 1.1
+HIDDEN, PARAMETER, SIZE = "axle-compliance", "deg_per_mN", 1.1  # as in the puzzle of the samples
 LATE_S = 0.015  # of all starts in the file
 SWAPPED = 3  # index of the run whose sides are exchanged in the file
-NOISE_MM = 0.004
+NOISE_MM = 0.004  # of a mark's coordinate: 0.06 px at 16 px/mm
 FRICTION, SPEED = 0.01, 0.003  # scatter between runs, relative
 RUN_S, RATE_HZ, START_S = 5.0, 30, 0.3
 COMMANDS_RPM = (

@@ -27,10 +27,10 @@ from simulator.simulation import simulate
 Array = NDArray[np.float64]
 RATE_HZ = 20.0  # of a drawn path: its chords are 0.1 mm long
 STEPS = 40  # steps to either side of absent, unless the catalogue has narrower bounds
-SLIDER_STEPS = 200
-MOST_RUNS, LONGEST_S = 60, 60.0
+SLIDER_STEPS = 200  # as many as a slider on a screen has pixels
+MOST_RUNS, LONGEST_S = 60, 60.0  # of a request
 SETTLED = 0.8  # share of a run after which its turn is evaluated
-STRAIGHT_PER_MM = 1e-5
+STRAIGHT_PER_MM = 1e-5  # a circle of 100 m
 
 # Nominal values with sliders: key, words, unit; from half of nominal to twice of it.
 NOMINAL = (
