@@ -144,7 +144,7 @@ def faults_of_content(content: Mapping[str, Any]) -> list[str]:
 def effect_of(content: Mapping[str, Any]) -> Effect:
     """The effect of a file's valid content."""
     rows = content["term"]
-    parameters = {row["coefficient"]: _parameter(row) for row in reversed(rows)}
+    first = {row["coefficient"]: row for row in reversed(rows)}  # only the first term needs step and bounds
     drive_or_force = [(row["coefficient"], _term(row)) for row in rows]
     felt = [item for item in drive_or_force if not item[1].is_seen_only]
     seen = [item for item in drive_or_force if item[1].is_seen_only]
@@ -163,7 +163,7 @@ def effect_of(content: Mapping[str, Any]) -> Effect:
         source=content.get("source", "an effect of the user's own"),
         limits=content.get("limits", "as the user's file states"),
         kind="observation" if not felt else "dynamics",
-        parameters=tuple(parameters[name] for name in dict.fromkeys(row["coefficient"] for row in rows)),
+        parameters=tuple(_parameter(first[name]) for name in dict.fromkeys(row["coefficient"] for row in rows)),
         act=act if felt else None,
         view=view if seen else None,
         of_plate=any(is_of_plate(CHANNELS[row["channel"]], BASES[row["depends_on"]]) for row in rows),
