@@ -2,7 +2,8 @@
 
 Nothing is imported or collected anew, so that a mutant costs as much as the tests that notice it: for the front ends,
 whose tests take milliseconds, a tenth of what a run of `python -m tests.benchmarks.mutation` takes. Of what a module
-computes while it is imported, only names that other modules have taken over directly get their new values.
+computes while it is imported, only names that other modules have taken over directly get their new values. A module
+whose unchanged text does not pass when it is executed again is not tried: whatever is noticed there would say nothing.
 
     python -m tests.benchmarks.mutation.quick evaluator/cli --tests tests/evaluator/cli --sample 30 --seed 1
 """
@@ -10,6 +11,7 @@ computes while it is imported, only names that other modules have taken over dir
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import math
 import os
@@ -23,7 +25,7 @@ from pathlib import Path
 import pytest
 
 from tests.benchmarks.mutation.mutants import ROOT, Mutant, mutants
-from tests.benchmarks.mutation.reach import Reach, tests_of, units
+from tests.benchmarks.mutation.reach import OURS, Reach, tests_of, units
 from tests.benchmarks.mutation.runs import imported
 
 
@@ -32,7 +34,7 @@ class Trial:
 
     def __init__(self, chosen: Sequence[Mutant], reach: Reach) -> None:
         """chosen: mutants to try; reach: a plugin of the same session, which notes what each test calls."""
-        self.chosen, self.reach, self.failed, self.survived = chosen, reach, False, 0
+        self.chosen, self.reach, self.failed, self.tried, self.survived = chosen, reach, False, 0, 0
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note that a test has failed."""
@@ -45,12 +47,25 @@ class Trial:
             return True
         session.config.pluginmanager.unregister(self.reach)
         code = units(ROOT)
-        for number, mutant in enumerate(self.chosen, 1):
-            reached = tests_of(mutant.path, mutant.line, code, self.reach.called)
-            tests = sorted((item for item in session.items if item.nodeid in reached), key=self._cost)
-            noticed = bool(tests) and self._notice(mutant, tests)
-            self.survived += not noticed
-            outcome = "noticed" if noticed else f"survived {len(tests)} tests"
+        reached = [tests_of(mutant.path, mutant.line, code, self.reach.called) for mutant in self.chosen]
+        items = [sorted((item for item in session.items if item.nodeid in ids), key=self._cost) for ids in reached]
+        unfit: dict[Path, bool] = {}
+        for number, (mutant, tests) in enumerate(zip(self.chosen, items, strict=True), 1):
+            if mutant.path not in unfit:
+                together = {
+                    id(item): item
+                    for other, some in zip(self.chosen, items, strict=True)
+                    if other.path == mutant.path
+                    for item in some
+                }
+                unfit[mutant.path] = self._notice(mutant.path, unchanged(mutant.path), list(together.values()))
+            if unfit[mutant.path]:
+                outcome = "not tried: the unchanged module, executed again, does not pass either"
+            else:
+                noticed = bool(tests) and self._notice(mutant.path, mutant.text(), tests)
+                self.tried += 1
+                self.survived += not noticed
+                outcome = "noticed" if noticed else f"survived {len(tests)} tests"
             print(f"{number}/{len(self.chosen)}  {mutant.path}:{mutant.line}  {mutant.change}  {outcome}", flush=True)
         return True
 
@@ -65,8 +80,8 @@ class Trial:
                 return False
         return True
 
-    def _notice(self, mutant: Mutant, tests: Sequence[pytest.Item]) -> bool:
-        """Whether a test fails in a fork in which a module is changed, or takes far longer than usual."""
+    def _notice(self, path: Path, text: str, tests: Sequence[pytest.Item]) -> bool:
+        """Whether a test fails in a fork in which a module has another text, or takes far longer than usual."""
         usual_s = sum(self.reach.time_s[item.nodeid] for item in tests)
         child = os.fork()
         if child == 0:
@@ -76,19 +91,24 @@ class Trial:
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(nowhere, 1)
                 os.dup2(nowhere, 2)
-                change(mutant)
+                change(path, text)
                 status = int(not self._pass(tests))
             finally:
                 os._exit(status)
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
 
 
-def change(mutant: Mutant) -> None:
-    """Execute the changed text of a module in its namespace, and hand what it defines to the modules that hold it."""
-    module = importlib.import_module(".".join(mutant.path.with_suffix("").parts).removesuffix(".__init__"))
+def unchanged(path: Path) -> str:
+    """The text of a file as the changed ones are written."""
+    return ast.unparse(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+
+
+def change(path: Path, text: str) -> None:
+    """Execute another text of a module in its namespace, and hand what it defines to our modules that hold it."""
+    module = importlib.import_module(".".join(path.with_suffix("").parts).removesuffix(".__init__"))
     before = dict(vars(module))
-    exec(compile(mutant.text(), str(ROOT / mutant.path), "exec"), vars(module))  # noqa: S102  # our own code
-    for other in [other for other in sys.modules.values() if str(getattr(other, "__file__", "")).startswith(str(ROOT))]:
+    exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
+    for other in [other for other in sys.modules.values() if str(getattr(other, "__file__", "")).startswith(_OURS)]:
         for name in _imported(Path(str(other.__file__))):
             owner, _, what = name.rpartition(".")
             if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
@@ -96,6 +116,7 @@ def change(mutant: Mutant) -> None:
 
 
 _imported = cache(imported)
+_OURS = tuple(f"{ROOT / name}{os.sep}" for name in OURS)  # an environment within the project's folder is not ours
 
 
 def main() -> int:
@@ -112,9 +133,9 @@ def main() -> int:
     chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
     trial = Trial(chosen, reach := Reach(ROOT))
     pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
-    share = 1 - trial.survived / len(chosen)
-    print(f"{len(chosen)} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
-    return int(trial.failed or share < said.wanted)
+    share = 1 - trial.survived / max(trial.tried, 1)
+    print(f"{trial.tried} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
+    return int(trial.failed or not trial.tried or share < said.wanted)
 
 
 if __name__ == "__main__":
