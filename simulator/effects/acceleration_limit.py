@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
@@ -14,7 +12,6 @@ AHEAD, TURN = (
     Parameter(name, "rpm/s", NO_LIMIT_RPM_S, 1.0, 0.0, NO_LIMIT_RPM_S, at_least=1e-3, shown=40.0)
     for name in ("ahead_rpm_s", "turn_rpm_s")
 )
-USUAL_RPM = 60.0  # scale for a session without any command
 STEP_S = 0.01  # time to reach full speed: a delay of this size is visible in the marks (command-lag)
 BEGUN_S = 0.5  # time to reach the usual speed at the start of a fit: typical of robots of a metre
 
@@ -26,10 +23,8 @@ def _act(draft: Draft, values: Values) -> None:
 
 def _fitted(scene: Scene) -> Candidate:
     """Inverses of both limits, s/rpm, which are 0 without a limit; a ramp delays motion by half its duration."""
-    levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
-    usual = float(np.median(levels))
     parts = tuple(
-        Coordinate(f"s_per_rpm_{item.name.removesuffix('_rpm_s')}", 0.0, STEP_S / usual, 0.0, closed=True)
+        Coordinate(f"s_per_rpm_{item.name.removesuffix('_rpm_s')}", 0.0, STEP_S / scene.usual_rpm, 0.0, closed=True)
         for item in (AHEAD, TURN)
     )
 
@@ -38,7 +33,7 @@ def _fitted(scene: Scene) -> Candidate:
             item.name: 1 / max(value, 1 / NO_LIMIT_RPM_S) for item, value in zip((AHEAD, TURN), values, strict=True)
         }
 
-    return Candidate("acceleration-limit", parts, physical, ((BEGUN_S / usual,) * 2,))
+    return Candidate("acceleration-limit", parts, physical, ((BEGUN_S / scene.usual_rpm,) * 2,))
 
 
 EFFECT = Effect(

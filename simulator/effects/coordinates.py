@@ -10,12 +10,15 @@ from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from math import inf
+from statistics import median
 
 import numpy as np
 
 from simulator.effects.parameter import PAPER_SIZE, Parameter, Size
 
 Parameters = dict[str, float]
+
+WITHOUT_COMMANDS_RPM = 60.0  # the scale of a session that commands no motor: a turn a second
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,11 @@ class Scene:
     reach_mm: float
     command_levels_rpm: tuple[float, ...]
     size: Size = PAPER_SIZE
+
+    @property
+    def usual_rpm(self) -> float:
+        """The median of the levels at which a wheel turns."""
+        return median([level for level in self.command_levels_rpm if level > 0] or [WITHOUT_COMMANDS_RPM])
 
 
 @dataclass(frozen=True)

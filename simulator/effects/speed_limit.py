@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import NO_LIMIT_RPM, Draft
@@ -13,7 +11,6 @@ WHEEL, AHEAD, TURN = (
     Parameter(name, "rpm", NO_LIMIT_RPM, 1.0, 0.0, NO_LIMIT_RPM, at_least=0.0, shown=20.0)
     for name in ("wheel_rpm", "ahead_rpm", "turn_rpm")
 )
-USUAL_RPM = 60.0  # scale for a session without any command
 STEP = 0.005  # relative, of a limit: a speed change of this size is visible in the marks (drive-speed-scale)
 
 
@@ -28,8 +25,7 @@ def _fitted(scene: Scene) -> Candidate:
     A limit above all commands has no effect, and one below all commands is the same as a slower drive. A fit begins
     with all three at the median of the commanded speeds.
     """
-    levels = [level for level in scene.command_levels_rpm if level > 0] or [USUAL_RPM]
-    slowness = 1 / float(np.median(levels))
+    slowness = 1 / scene.usual_rpm
     parts = tuple(
         Coordinate(f"min_per_rev_{item.name.removesuffix('_rpm')}", 0.0, STEP * slowness, 0.0, closed=True)
         for item in (WHEEL, AHEAD, TURN)
