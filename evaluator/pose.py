@@ -19,7 +19,8 @@ from evaluator.errors import InputError
 from evaluator.mark_geometry import ONE_PLACE_MM, ROUNDING_SIGMA_MM, MarkGeometry
 from evaluator.marks import points_of, require_marks
 from evaluator.pose_systematic import systematic_shifts
-from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_jacobian, robust_sigma
+from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_jacobian
+from evaluator.robust import robust_sigma
 
 Array = NDArray[np.float64]
 

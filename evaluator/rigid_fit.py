@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.frames import body_from_plate, plate_from_body
+from evaluator.robust import robust_sigma
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-GAUSSIAN_SIGMA_PER_MAD = 1.4826
 ENOUGH = 12  # frames with all marks, from which their mean positions on the body are more accurate than a robot file
 
 
@@ -89,11 +89,6 @@ def odd_points(points: Array, limit_sigma: float, least_mm: float) -> tuple[Flag
             worst = int(off[row].argmax())
             refused[int(row)] = float(distance[row, worst]), float(usual[worst])
     return wrong, refused
-
-
-def robust_sigma(values: Array) -> float:
-    """Standard deviation of a Gaussian with the same median absolute deviation."""
-    return float(GAUSSIAN_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))
 
 
 def _about_mean(points: Array, places: Array, weights: Array) -> tuple[Array, Array, Array]:

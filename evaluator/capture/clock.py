@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from evaluator.robust import robust_sigma
+
 MICRO = 1_000_000  # ticks of a second in files that are written: a thousandth of a frame at 1000 frames/s
 
 
@@ -58,7 +60,8 @@ class CaptureClock:
         missing = np.maximum(np.rint(steps / interval) - 1, 0)
         even = np.concatenate([[0.0], np.cumsum((missing + 1) * interval)])
         delays = arrivals - times if self.stamped else times - times[0] - even
-        return ClockReport(len(times), source, interval, _spread(np.diff(delays)) / np.sqrt(2), int(missing.sum()))
+        jitter = robust_sigma(np.diff(delays)) / np.sqrt(2)  # single frames may be late
+        return ClockReport(len(times), source, interval, jitter, int(missing.sum()))
 
     def in_recording(self, moment_s: float) -> tuple[float, float]:
         """A moment of the computer's clock as a time of the recording, with its standard uncertainty, s.
@@ -70,8 +73,3 @@ class CaptureClock:
         offset = float((arrivals - times).min()) if self.stamped else 0.0
         report = self.report()
         return moment_s - offset - self.times_s[0], float(np.hypot(report.interval_s, report.jitter_s))
-
-
-def _spread(values: np.ndarray) -> float:
-    """Standard deviation by the median absolute deviation, because single frames may be late."""
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))

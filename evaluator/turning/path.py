@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN, robust_sigma
 from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
@@ -113,7 +114,7 @@ def measure_path(
 def _noise(place: Array) -> float:
     """Noise of a coordinate from second differences, which are near zero for a smooth path; always positive."""
     second = place[2:] - 2 * place[1:-1] + place[:-2]
-    robust = 1.4826 * np.median(np.abs(second - np.median(second, axis=0)))  # of three values: sqrt(6) of one
+    robust = PER_MEDIAN * np.median(np.abs(second - np.median(second, axis=0)))  # of three values: sqrt(6) of one
     return float(max(robust / np.sqrt(6), 1e-9 * np.ptp(place, axis=0).max(), 1e-12))
 
 
@@ -142,7 +143,7 @@ def _circle(time: Array, place: Array) -> tuple[Curvature, Array, Array]:
     for attempt in range(40):
         residual, design = _linearised(place - anchor, parameters)
         if attempt > 2:
-            limit = JUMP_SIGMA * 1.4826 * np.median(np.abs(residual - np.median(residual)))
+            limit = JUMP_SIGMA * robust_sigma(residual)
             used = np.abs(residual - np.median(residual)) <= max(limit, 1e-12)
         step = np.linalg.lstsq(design[used], -residual[used], rcond=1e-13)[0]
         parameters = parameters + step

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, median_filter
 
+from evaluator.robust import PER_MEDIAN
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 NAN = float("nan")
@@ -174,7 +176,7 @@ def _steady(rates: Rates, first: int, last: int) -> tuple[int, int]:
     speed, yaw = np.linalg.norm(rates.value[:, :2], axis=1), rates.value[:, 2]
     middle = slice(first + (last - first) // 4, last - (last - first) // 4 + 1)
     level = np.array([np.median(speed[middle]), np.median(yaw[middle])])
-    spread = 1.4826 * np.array([np.median(np.abs(v[middle] - l)) for v, l in zip((speed, yaw), level, strict=True)])
+    spread = PER_MEDIAN * np.array([np.median(np.abs(v[middle] - l)) for v, l in zip((speed, yaw), level, strict=True)])
     # Half of the usual scatter of a ripple, and noise, are parts of a steady turn.
     limit = np.maximum(STEADY_SHARE * np.linalg.norm(level), REST_SIGMA * np.maximum(spread, rates.sigma))
     near = (np.abs(speed - level[0]) <= limit[0]) & (np.abs(yaw - level[1]) <= limit[1])

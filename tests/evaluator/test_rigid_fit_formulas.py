@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from calibration.frames import plate_from_body
-from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, robust_sigma
+from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points
+from evaluator.robust import robust_sigma
 
 PLACES = np.array([[0.0, 0.0], [4.0, 0.0], [2.0, 10.0]])
 GIVEN = PLACES + np.array([[0.0, 0.0], [0.0, 0.0], [0.3, -0.2]])  # of a robot file whose third place is wrong

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.diagnosis.assessment.disagreement import PIECE_S, QUANTITIES
+from evaluator.robust import PER_MEDIAN
 
 # Standard deviations above which a phase of a run disagrees. Among 24 runs with two phases and three quantities, chance
 # exceeds this in one of fifteen experiments.
@@ -39,7 +40,7 @@ def disagreeing_runs(table: pd.DataFrame) -> list[RunDisagreement]:
     found = []
     for column in QUANTITIES:
         left = table[f"after_{column}"].to_numpy(dtype=float)
-        sigma = 1.4826 * float(np.nanmedian(np.abs(left - np.nanmedian(left))))
+        sigma = PER_MEDIAN * float(np.nanmedian(np.abs(left - np.nanmedian(left))))
         groups = table.groupby([table["run"], phase], sort=False)[column]
         for (run, when), values in groups:
             size, count = float(values.mean()), int(values.count())

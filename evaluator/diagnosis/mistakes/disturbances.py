@@ -22,6 +22,7 @@ from evaluator.diagnosis.mistakes.motion import (
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from evaluator.robot_geometry import reference_line
+from evaluator.robust import robust_sigma
 from evaluator.turning.status import SPACING_SHARE
 from simulator.robot import Robot
 
@@ -126,8 +127,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
 
 def _usual(values: Sequence[float]) -> tuple[float, float]:
     """Median of some values, and their spread about it (median absolute deviation, as a standard deviation)."""
-    middle = float(np.median(values))
-    return middle, 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
+    return float(np.median(values)), robust_sigma(values)
 
 
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

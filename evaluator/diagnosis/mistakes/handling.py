@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, arm_mm
+from evaluator.robust import PER_MEDIAN
 
 RESTS_S = 0.1  # shortest rest between hand and motors: nobody releases the robot and switches on faster
 # Starts are known more accurately than the first (disturbances.LATE_S), and motors run down within the second.
@@ -64,7 +65,7 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
     if (resting & seen).sum() < MOVING_FRAMES or not (outside & seen).any():
         return nowhere
     off = run.marks_mm - np.median(run.marks_mm[resting & seen], axis=0)
-    scatter = 1.4826 * float(np.median(np.abs(np.diff(run.marks_mm[seen], n=2, axis=0)))) / 6**0.5
+    scatter = PER_MEDIAN * float(np.median(np.abs(np.diff(run.marks_mm[seen], n=2, axis=0)))) / 6**0.5
     away = np.nan_to_num(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])))
     moved = away > ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import WINDOW_S, Motion
+from evaluator.robust import PER_MEDIAN
 
 FEWEST_FRAMES = 4  # of a phase; fewer do not determine a motion
 HELD_S = 0.25  # least duration of a disturbance, longer than the window of a velocity
@@ -53,7 +54,7 @@ def unlike(motion: Motion) -> np.ndarray:
     out = np.zeros(len(motion.time_s), dtype=np.bool_)
     for values in (motion.along, motion.across, motion.yaw):
         middle = np.median(values)
-        out |= np.abs(values - middle) > 8 * 1.4826 * np.median(np.abs(values - middle))
+        out |= np.abs(values - middle) > 8 * PER_MEDIAN * np.median(np.abs(values - middle))
     return out
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.robust import PER_MEDIAN
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ def onset(run: RunData) -> Onset | None:
     off = marks - np.median(marks[:rest], axis=0)
     bends = np.diff(marks, n=2, axis=0)  # nearly only noise, also of a moving robot: √6 times that of a frame
     # both are robust: a wrong mark in one of the first frames is not motion
-    scatter = 1.4826 * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
+    scatter = PER_MEDIAN * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
     away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     # several consecutive frames: one or two may be noise, or wrong marks in succession
@@ -289,7 +290,7 @@ def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> 
     velocity = np.array([c * rate[0] + s * rate[1], -s * rate[0] + c * rate[1], yaw])
     pose = _carried(np.array([*mid, angle + yaw * center]), velocity, -center)
     left = middle - (mid + np.outer(since - center, rate))
-    return pose, velocity, float(1.4826 * np.median(np.abs(left - np.median(left, axis=0))))
+    return pose, velocity, float(PER_MEDIAN * np.median(np.abs(left - np.median(left, axis=0))))
 
 
 def _carried(pose: Floats, velocity: Floats, time_s: float) -> Floats:

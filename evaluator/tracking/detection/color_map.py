@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import Frame
 from evaluator.recording.frame import Plane
+from evaluator.robust import robust_sigma
 from evaluator.tracking.detection import color_kernels
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
@@ -72,7 +73,7 @@ def color_map(frame: Frame, allowed: NDArray[np.bool_], balance: float = 1.0, sh
     chroma = np.empty((rows, columns), np.float32)
     color_kernels.chroma_plane(luma, frame.u, frame.v, to_rgb.astype(np.float32), chroma)
     typical = chroma[sample]
-    spread = float(np.median(np.abs(typical - np.median(typical)))) * 1.4826
+    spread = robust_sigma(typical)
     tints = float(np.median(typical)) + 6 * spread
     floor = max(min(tints, STICKER), 14.0)
     colorful = np.flatnonzero(chroma > share_of_floor * floor)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.robust import PER_MEDIAN
 from evaluator.tracking.observation import ABSENT, OK, Sighting
 from evaluator.tracking.settings import Box, MarkSettings, TrackingSettings
 
@@ -174,7 +175,7 @@ def bright_blobs(frame: Frame) -> BrightBlobs:
     luma = frame.luma
     sample = luma[::7, ::5].astype(float)
     base = float(np.median(sample))
-    noise = max(1.4826 * float(np.median(np.abs(sample - base))), 1.0)
+    noise = max(PER_MEDIAN * float(np.median(np.abs(sample - base))), 1.0)
     level = base + max(NOISES * noise, HALF * (float(luma.max()) - base))
     mask = (luma > level).astype(np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
+
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
@@ -83,7 +85,7 @@ def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] |
         design = np.stack([np.ones(int(kept.sum())), where[kept]], axis=1)
         fitted = np.linalg.lstsq(design, offset[kept], rcond=None)[0]
         left = offset - fitted[0] - fitted[1] * where
-        sigma = 1.4826 * float(np.median(np.abs(left[kept])))
+        sigma = PER_MEDIAN * float(np.median(np.abs(left[kept])))
         kept = np.abs(left) <= CLIPPED * max(sigma, FLOOR_PX)
         if kept.sum() < FEWEST:
             return None

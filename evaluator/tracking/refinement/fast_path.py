@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
 from evaluator.tracking.detection.color_kernels import STRENGTH, color_window
 from evaluator.tracking.refinement.kernels import AMPLITUDE, BASE, INSIDE, PIXELS, RESIDUAL, USED, X, Y, fit_disc
 
@@ -36,7 +37,6 @@ PLAUSIBLE = 4.0  # ratio of amplitudes, in either direction, beyond which it is 
 NOISE_STEP = 1.03  # change of the noise in a frame: a noise of twice the size is followed within 23 frames
 CALMER = 0.7  # of the noise: 98 % of the residuals of 100 pixels exceed it by chance
 NOISE_RANGE = 30.0  # ratio of the largest to the smallest noise variance of recordings, compressed or not
-PER_MEDIAN = 1.4826  # sigma over median deviation
 
 
 def fit_mark(

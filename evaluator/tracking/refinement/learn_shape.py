@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
 from evaluator.tracking.refinement.disc import PER_PX, Disc, make_disc, outer_px, tabulate
 from evaluator.tracking.refinement.shape_kernel import OWN, PRODUCTS, SHAPE, add_products
 
@@ -73,7 +74,7 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
         left = residual[np.isfinite(residual)]
         if not len(left):
             raise np.linalg.LinAlgError("no sample is left")
-        spread = max(1.4826 * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
+        spread = max(PER_MEDIAN * float(np.median(np.abs(left))), 0.3)  # rounding to whole levels leaves 0.29
         if np.mean(np.abs(left) > BEYOND * spread) < FEW:
             break
         square = np.square(np.nan_to_num(residual) / (3 * spread))

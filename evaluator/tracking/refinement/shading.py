@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.robust import PER_MEDIAN
 from evaluator.tracking.refinement import kernels
 from evaluator.tracking.refinement.disc import PER_PX, Disc
 
@@ -101,7 +102,7 @@ def learn_shading(disc: Disc, black: float, centers_px: Array, slopes: Array) ->
     for _ in range(ROUNDS):
         # A passing wire or glare causes slopes thirty times those of the light: outliers.
         off = beta - usual
-        spread = 1.4826 * np.median(np.abs(off), axis=0) + 1e-9
+        spread = PER_MEDIAN * np.median(np.abs(off), axis=0) + 1e-9
         kept = (np.abs(off) < FAR * spread).all(axis=1)
         variance = float(np.mean(spread**2))
         covariance = np.linalg.inv(basis[kept].T @ basis[kept] / variance + np.linalg.inv(PRIOR))

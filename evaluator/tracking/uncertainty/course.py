@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
+
 Array = NDArray[np.float64]
 
 OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
@@ -89,5 +91,5 @@ def robust_square(errors: Array) -> float:
 
 def clipped_squares(errors: Array) -> Array:
     """Mean square of the axes of each error, clipped as in `robust_square`; (n,)."""
-    sigma = 1.4826 * np.median(np.abs(errors)) + 1e-12
+    sigma = PER_MEDIAN * np.median(np.abs(errors)) + 1e-12
     return np.asarray(np.minimum(errors**2, (4 * sigma) ** 2).mean(axis=1))

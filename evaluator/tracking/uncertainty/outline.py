@@ -14,6 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
+
 Array = NDArray[np.float64]
 
 FEWEST = 30  # frames needed to separate the scatter of a length from slant and position
@@ -60,10 +62,10 @@ def _smooth(places_px: Array, angle: Array) -> Array:
 def _scatter(length: Array, usual: Array) -> tuple[float, Array]:
     """Standard deviation of a length about its expectation, without outliers, and the deviation of these, else 0."""
     left = length - np.median(length)
-    kept = np.abs(left) <= CLIPPED * 1.4826 * float(np.median(np.abs(left))) + 1e-9
+    kept = np.abs(left) <= CLIPPED * PER_MEDIAN * float(np.median(np.abs(left))) + 1e-9
     for _ in range(3):
         left = length - usual @ np.linalg.lstsq(usual[kept], length[kept], rcond=1e-9)[0]
-        sigma = 1.4826 * float(np.median(np.abs(left[kept])))
+        sigma = PER_MEDIAN * float(np.median(np.abs(left[kept])))
         kept = np.abs(left) <= CLIPPED * sigma + 1e-9
     freedom = max(int(kept.sum()) - usual.shape[1], 1)
     return float(np.sqrt((left[kept] ** 2).sum() / freedom)), np.where(kept, 0.0, left)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
 from evaluator.tracking.uncertainty.course import LEAST, robust_square
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ class Distance:
         measured = distance[seen]
         left = measured - np.median(measured)
         for _ in range(4):
-            keep = np.abs(left) <= CLIPPED * 1.4826 * np.median(np.abs(left)) + 1e-9
+            keep = np.abs(left) <= CLIPPED * PER_MEDIAN * np.median(np.abs(left)) + 1e-9
             used = surface[keep]
             ridge = 1e-9 * len(used) * np.eye(surface.shape[1])
             left = measured - surface @ np.linalg.solve(used.T @ used + ridge, used.T @ measured[keep])
@@ -61,8 +62,10 @@ class Distance:
         normal = self.error / np.sqrt(variance)
         normal = normal[np.isfinite(normal)]
         # Distances far beyond the tails are due to a wrong end (`wrong_ends`), not to the marks' usual errors.
-        normal = normal[np.abs(normal) <= 2 * CLIPPED * 1.4826 * np.median(np.abs(normal))] if len(normal) else normal
-        return robust_square(normal[:, None]) / self.freedom if len(normal) else float("nan")
+        if not len(normal):
+            return float("nan")
+        normal = normal[np.abs(normal) <= 2 * CLIPPED * PER_MEDIAN * np.median(np.abs(normal))]
+        return robust_square(normal[:, None]) / self.freedom
 
 
 def wrong_ends(

@@ -15,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
+
 Array = NDArray[np.float64]
 
 FEWEST = 40  # frames needed to separate the scatter of a shape from the 11 terms of slant and position
@@ -61,7 +63,7 @@ def _mean_square(parts: Array, usual: Array) -> float:
     left = parts
     for _ in range(3):
         left = parts - usual @ np.linalg.lstsq(usual[kept], parts[kept], rcond=1e-9)[0]
-        sigma = 1.4826 * np.median(np.abs(left[kept]), axis=0)
+        sigma = PER_MEDIAN * np.median(np.abs(left[kept]), axis=0)
         kept = np.asarray((np.abs(left) <= CLIPPED * sigma + 1e-9).all(axis=1))
     square = float(np.sum(left[kept] ** 2))
     return square / max(int(np.count_nonzero(kept)) - int(usual.shape[1]), 1)

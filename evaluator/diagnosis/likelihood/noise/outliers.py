@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.robust import PER_MEDIAN
+
 Floats = NDArray[np.float64]
 
 AROUND = 13  # frames, six before and six after: of the six pairs two may hold a jump
@@ -37,7 +39,7 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
         pairs = [(longer[half - j :][:count] + longer[half + j :][:count]) / 2 for j in range(1, half + 1)]
         said = np.median(pairs, axis=0)
         off = points - said
-        sigma = 1.4826 * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
+        sigma = PER_MEDIAN * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
         # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
         step = np.percentile(np.abs(np.diff(said, axis=0)), 95, axis=0)
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
