@@ -53,6 +53,7 @@ ALLOCATORS = ("zeros", "empty", "full", "ones")
 LIMIT_S = 400.0  # of a command; the first compiles
 LONGEST_S = LIMIT_S + 60.0  # of its process, which ends by itself unless it is stuck
 OWN = {"provenance.json"}  # names the time
+PARTS = ".csv.parts-"  # in the name of the folder of a sweep under way
 Counts = Counter[str]
 
 
@@ -202,9 +203,14 @@ class Command:
         return [name for name in {**found, **self.whole} if found.get(name) != self.whole.get(name)]
 
     def _is_cut(self, name: str, content: bytes) -> bool:
-        """Whether a file breaks off; a table without the rows of a run that could not be analysed is whole."""
+        """Whether a file breaks off; a table without the rows of a run that could not be analysed is whole.
+
+        The parts of a sweep stand in a folder beside the result until it is whole: each is a table of its own.
+        """
         whole = self.whole.get(name)
-        return whole is None or (content != whole and whole.startswith(content) and not content.endswith(b"\n"))
+        if whole is None:
+            return PARTS not in Path(name).parent.name or not content.endswith(b"\n")
+        return content != whole and whole.startswith(content) and not content.endswith(b"\n")
 
 
 def main() -> None:
