@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from types import SimpleNamespace
 from typing import Any
 
@@ -252,3 +253,29 @@ def test_a_variance_of_fewer_than_24_errors_is_unknown_and_its_error_falls_with_
     assert _square(course, told) == pytest.approx((0.04 / 1.5, 0.2))
     told[0] = told[1] = False
     assert _square(course, told) == (0.0, 1.0)
+
+
+def test_hidden_errors_are_estimated_anew_in_every_block_of_a_long_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(combine, "BLOCK", COUNT // 2)
+    quiet, noisy = (numbers_of(circle(), noise=noise) for noise in (0.01, 0.2))
+    numbers = {"green": np.concatenate([quiet[: COUNT // 2], noisy[COUNT // 2 :]])}
+    refined(numbers)
+    first, second = np.split(np.median(numbers["green"][:, 2].reshape(2, -1), axis=1), 2)
+    assert first < 4 * 0.01**2
+    assert 0.5 * 0.2**2 < second < 2 * 0.2**2
+
+
+def test_memory_of_hidden_errors_does_not_grow_with_the_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(combine, "BLOCK", COUNT)
+
+    def bytes_a_frame(count: int) -> float:
+        """Beyond what the recording itself holds."""
+        numbers = {"green": np.tile(numbers_of(circle(), noise=0.02), (count // COUNT, 1))}
+        tracemalloc.start()
+        combine.refine(FRAME_S * np.arange(count), ["P"] * count, numbers, {"green": [OK] * count}, {})
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak / count
+
+    assert bytes_a_frame(COUNT) > 1000
+    assert bytes_a_frame(20 * COUNT) < 400
