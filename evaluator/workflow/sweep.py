@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +59,7 @@ def run_sweep(
     output, total = Path(output), len(sweep)
     folder = _parts_folder(sweep, robot, output)
     parts = [_Part(sweep, robot, start, min(start + RUNS_A_PART, total)) for start in range(0, total, RUNS_A_PART)]
-    missing = [part for part in parts if not _file(folder, part).exists()]
+    missing = [part for part in parts if _kept(folder, part) is None]
     lost = _simulate(missing, len(parts), folder, workers, dask, progress)
     if lost:
         raise InputError(
@@ -67,9 +68,12 @@ def run_sweep(
         )
     with written_whole(output) as temporary:
         for number, part in enumerate(parts):
-            table = pd.read_csv(_file(folder, part), keep_default_na=True)
+            table = _kept(folder, part)
+            if table is None:  # another sweep with the same output is done and has removed it
+                table = _run(part)
             table.to_csv(temporary, mode="a", header=number == 0, index=False, float_format="%.9g")
-    shutil.rmtree(folder)
+    with suppress(FileNotFoundError):  # another sweep with the same output removes it too
+        shutil.rmtree(folder)
     return SweepDone(output, total, len(parts), len(parts) - len(missing))
 
 
@@ -96,7 +100,16 @@ def _simulate(
     return lost
 
 
-def _run(part: _Part) -> pd.DataFrame | None:
+def _kept(folder: Path, part: _Part) -> pd.DataFrame | None:
+    """The saved table of a part; None if it is not there or not whole, as after a power failure."""
+    try:
+        table = pd.read_csv(_file(folder, part))
+    except (OSError, ValueError):
+        return None
+    return table if len(table) == part.stop - part.start else None
+
+
+def _run(part: _Part) -> pd.DataFrame:
     return run_part(part.sweep, part.robot, part.start, part.stop)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -111,6 +112,39 @@ def test_a_cancelled_sweep_goes_on_where_it_was_and_ends_the_same(
     done = run_sweep(sweep_file, output, workers=workers)
     assert (done.runs, done.reused) == (12, 2)
     assert output.read_bytes() == whole.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "sweep.toml", "whole.csv"]
+
+
+@pytest.mark.parametrize("content", [b"", bytes(400), b"right_rpm,slip.lateral_friction\n14.4,0.25\n"])
+def test_parts_that_are_not_whole_after_a_power_failure_are_simulated_again(
+    sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes
+) -> None:
+    monkeypatch.setattr(command, "RUNS_A_PART", 6)
+    run_sweep(sweep_file, tmp_path / "whole.csv", workers=1)
+
+    def spoil(_stage: str, done: float, total: float = 1.0, /) -> None:
+        if done == total:
+            next(tmp_path.glob("out.csv.parts-*/*6.csv")).write_bytes(content)
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run_sweep(sweep_file, tmp_path / "out.csv", workers=1, progress=spoil)
+    assert run_sweep(sweep_file, tmp_path / "out.csv", workers=1).reused == 1
+    assert (tmp_path / "out.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+
+
+def test_a_sweep_whose_parts_another_has_removed_ends_the_same(
+    sweep_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "RUNS_A_PART", 6)
+    run_sweep(sweep_file, tmp_path / "whole.csv", workers=1)
+
+    def remove(_stage: str, done: float, total: float = 1.0, /) -> None:
+        if done == total:
+            shutil.rmtree(next(tmp_path.glob("out.csv.parts-*")))
+
+    run_sweep(sweep_file, tmp_path / "out.csv", workers=1, progress=remove)
+    assert (tmp_path / "out.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "sweep.toml", "whole.csv"]
 
 
