@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,11 +25,31 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file (byte {error.start} is not UTF-8)") from error
+        raise InputError(f"{path}: not a text file (byte {error.start} is not UTF-8); save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from error
+        raise InputError(f"{path}: not valid TOML: {toml_fault(error, _text_of(path))}") from error
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, load)}") from error
+
+
+def _text_of(path: Path) -> str:
+    """A text that could be read just now; empty if it has changed meanwhile or is a shipped file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
+    """Why a text is not TOML, with the remedy for what editors and locales do to numbers and to the first character."""
+    if text.startswith("\ufeff"):
+        return "it begins with a byte order mark; save it as UTF-8 without BOM"
+    place = re.search(r"line (\d+), column (\d+)", str(error))
+    if place is None:
+        return str(error)
+    line, column = text.split("\n")[int(place[1]) - 1 :][:1], int(place[2])
+    comma = line and re.match(r"\d,\d", line[0][max(column - 2, 0) :])
+    return f"{error}; numbers have a decimal point, not a comma" if comma else str(error)
 
 
 # Values of the wrong kind in words of the files; pydantic's are those of Python.

@@ -10,7 +10,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
-from evaluator.files import write_text
+from evaluator.files import toml_fault, write_text
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
@@ -43,7 +43,11 @@ def read_document(path: Path) -> tuple[TOMLDocument, str]:
         return tomlkit.parse(text), hashlib.sha256(content).hexdigest()[:20]
     except FileNotFoundError as error:
         raise InputError(f"{path.name}: no such file") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, ParseError) as error:
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"{path.name}: not valid TOML: {toml_fault(error, text)}; correct it in a text editor"
+        ) from error
+    except (UnicodeDecodeError, ParseError) as error:
         raise InputError(f"{path.name}: not valid TOML: {error}; correct it in a text editor") from error
 
 

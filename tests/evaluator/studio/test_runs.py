@@ -83,13 +83,23 @@ def test_a_robot_file_that_is_not_there_is_a_fault_of_the_table(studio: Serving,
     assert found == ["robt.toml does not exist: robot = must be a file or a shipped robot"]
 
 
-def test_a_file_that_is_no_toml_is_said_in_the_words_of_every_command(folder: Path) -> None:
-    (folder / "experiment.toml").write_text('format = 1\nname = "unclosed\n')
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('format = 1\nname = "unclosed\n', "(at line 2, column 17)"),
+        ("\ufeffformat = 1\n", "byte order mark; save it as UTF-8 without BOM"),
+        ("format = 1\n[[run]]\nleft_rpm = 1,5\n", "line 3, column 13); numbers have a decimal point, not a comma"),
+        ("format = 1\nname = 1, 5\n", "line 2, column 9)"),
+    ],
+)
+def test_a_file_that_is_no_toml_is_said_in_the_words_of_every_command(folder: Path, text: str, said: str) -> None:
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as by_command:
         read_with(load_experiment, folder / "experiment.toml")
     with pytest.raises(InputError) as by_studio:
         read_document(folder / "experiment.toml")
     reason = str(by_command.value).split("not valid TOML")[1]
+    assert reason.endswith(said)
     assert reason in str(by_studio.value)
 
 
