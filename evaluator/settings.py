@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
 import tomllib
 import unicodedata
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 # No robot keeps one command for so long before a recording: one of the clocks counts from 1970.
 FORGOTTEN_S = 1e6
+DEVICE = re.compile(r"(con|prn|aux|nul|com[1-9]|lpt[1-9])(\..*)?", re.IGNORECASE)  # what Windows writes to no file
+LONGEST_BYTES = 240  # of 255 in most file systems; the rest is for endings and temporary names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -30,6 +34,10 @@ def _names_files(value: str) -> str:
     said = all(unicodedata.category(c)[0] in "LMN" or c in "._-" for c in value)
     if not (value and said and unicodedata.category(value[0])[0] in "LN" and value[-1] != "."):
         raise ValueError("expected letters and digits of any script, with . _ - between them (it names files)")
+    if DEVICE.fullmatch(value):
+        raise ValueError("Windows keeps this name for a device; it must not name files")
+    if len(value.encode()) > LONGEST_BYTES:
+        raise ValueError(f"too long to name files: at most {LONGEST_BYTES} bytes in UTF-8")
     return value
 
 
@@ -169,9 +177,8 @@ class Experiment(Table):
     def _consistent(self) -> Self:
         if not self.run:
             raise ValueError("there is no [[run]]; an experiment needs at least one")
-        ids = [run.id for run in self.run]
-        twice = sorted({name for name in ids if ids.count(name) > 1})
-        if twice:
+        counts = Counter(run.id for run in self.run)
+        if twice := sorted(name for name, count in counts.items() if count > 1):
             raise ValueError(f"run id {', '.join(twice)} is used more than once")
         blind = [run.id for run in self.run if run.video and not (run.camera or self.camera)]
         if blind:

@@ -15,14 +15,17 @@ def run(name: str) -> Run:
     return Run.model_validate(settings)
 
 
-@pytest.mark.parametrize("name", ["r.06", "7", "пробег-1", "実験2", "تجربة5", "हिन्दी", "Größe8"])
+TAKEN = ["r.06", "7", "пробег-1", "実験2", "تجربة5", "हिन्दी", "Größe8", "common", "nul2", "運" * 80]
+REFUSED = ["", "run a", "r;x", "=1+1", "../x", "a/b", "a\\b", ".x", "x.", "a\nb", "<b>", "a" * 81, "𠀀" * 61]
+DEVICES = ["nul", "Aux", "com1.2"]  # of Windows
+
+
+@pytest.mark.parametrize("name", TAKEN)
 def test_names_in_any_script_are_taken(name: str) -> None:
     assert run(name).id == name
 
 
-@pytest.mark.parametrize(
-    "name", ["", "run a", "r;x", "=1+1", "../x", "a/b", "a\\b", ".x", "x.", "a\nb", "<b>", "a" * 81]
-)
+@pytest.mark.parametrize("name", [*REFUSED, *DEVICES])
 def test_names_that_no_file_should_have_are_refused(name: str) -> None:
     with pytest.raises(ValidationError):
         run(name)
