@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -188,8 +189,10 @@ def drawing(
         axes = canvas.subplots(rows, columns, squeeze=False)
         result = Drawing(canvas, list(axes.flat))
         yield result
-        _break_cut_labels(canvas)
-        result.svg = _themed_svg(canvas)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # text is drawn by the browser, in its fonts
+            _break_cut_labels(canvas)
+            result.svg = _themed_svg(canvas)
 
 
 def _break_cut_labels(canvas: Canvas) -> None:

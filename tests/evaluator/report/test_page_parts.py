@@ -235,6 +235,12 @@ def test_lines_have_the_color_of_their_name_and_dashes_in_widths() -> None:
     assert Line("blue", "x", 0.8).drawn["ls"] == "-"
 
 
+def test_labels_in_a_script_that_matplotlib_has_no_letters_of_are_drawn_without_a_warning() -> None:
+    with drawing("a") as canvas:
+        canvas.axes[0].set_title("運転 1")
+    assert "運転 1" in canvas.svg
+
+
 def test_a_label_that_would_be_cut_off_is_broken_in_its_middle_and_colors_follow_the_page() -> None:
     with drawing("a", width=1.6, height=1.6) as canvas:
         canvas.axes[0].set_ylabel("a label that is much too long for it")
