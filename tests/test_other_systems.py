@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
 import subprocess
 import sys
@@ -109,3 +110,32 @@ def test_a_file_name_that_the_locale_cannot_write_is_one_sentence(names: str, mo
     assert said.startswith(f"'運転' cannot be in a file's name under this locale ({names})")
     monkeypatch.undo()
     assert sentence_of(caught.value) is None  # under UTF-8 it is a defect
+
+
+def test_a_file_on_another_drive_is_named_by_its_whole_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from evaluator.files import named_from
+
+    path = tmp_path / "videos" / "r01.mp4"
+    assert named_from(tmp_path / "experiment", path) == "../videos/r01.mp4"
+
+    def on_another_drive(*_: object) -> str:
+        raise ValueError("path is on mount 'D:', start on mount 'C:'")
+
+    monkeypatch.setattr(os.path, "relpath", on_another_drive)
+    assert named_from(tmp_path / "experiment", path) == path.resolve().as_posix()
+
+
+def test_a_table_that_is_open_in_a_spreadsheet_on_windows_is_said_to_be(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from evaluator.errors import UnwritableError
+    from evaluator.files import write_text
+
+    def refused(temporary: Path, path: Path) -> None:
+        raise PermissionError(errno.EACCES, "Access is denied", str(temporary), 5, str(path))
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(Path, "replace", refused)
+    with pytest.raises(UnwritableError, match=r"turning\.csv: cannot be written .*; close it in other programs"):
+        write_text(tmp_path / "turning.csv", "x")
+    assert list(tmp_path.iterdir()) == []

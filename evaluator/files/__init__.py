@@ -1,11 +1,12 @@
 """Files of all kinds: written whole or not at all, read with one sentence for all faults."""
 
 from evaluator.files.reading import explain, in_words, read_with, toml_fault
-from evaluator.files.writing import plain, write_bytes, write_image, write_text, written_whole
+from evaluator.files.writing import named_from, plain, write_bytes, write_image, write_text, written_whole
 
 __all__ = [
     "explain",
     "in_words",
+    "named_from",
     "plain",
     "read_with",
     "toml_fault",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,8 +53,11 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 def _unwritable(path: Path, error: OSError) -> UnwritableError:
     reason = str(error.strerror).lower()
+    # Windows refuses to replace a file that another program, a spreadsheet as a rule, has open.
+    is_open = sys.platform == "win32" and error.errno == errno.EACCES
+    remedy = "close it in other programs" if is_open else "free space"
     return UnwritableError(
-        f"{path}: cannot be written ({reason}); free space or write elsewhere, and run the command again"
+        f"{path}: cannot be written ({reason}); {remedy} or write elsewhere, and run the command again"
     )
 
 
@@ -95,3 +99,11 @@ def plain(value: Any) -> Any:
     if value is None or isinstance(value, str | bool | int | float):
         return value
     return str(value)
+
+
+def named_from(folder: Path, path: Path) -> str:
+    """A path as a file in a folder names it: relative, or absolute if it is on another drive of Windows."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()  # noqa: TID251
+    except ValueError:
+        return path.resolve().as_posix()

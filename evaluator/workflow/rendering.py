@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_image, written_whole
+from evaluator.files import named_from, read_with, write_image, written_whole
 from evaluator.progress import Progress, counting, no_progress
 from evaluator.workflow.execution.answers import answers_of
 
@@ -119,4 +119,4 @@ def _shown_from_here(path: Path | None) -> Path | None:
     """A path in its shortest form, for messages."""
     if path is None:
         return None
-    return min(Path(os.path.relpath(path)), Path(os.path.normpath(path)), key=lambda form: len(str(form)))
+    return min(Path(named_from(Path(), path)), Path(os.path.normpath(path)), key=lambda form: len(str(form)))

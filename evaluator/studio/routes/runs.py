@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from evaluator.errors import InputError
+from evaluator.files import named_from
 from evaluator.studio.answers import Asked, Json, Studio, endpoint, number
 from evaluator.studio.folder import VIDEOS
 from evaluator.workflow import Edit, Wanted, edit_experiment, read_experiment, run_curves, run_of
@@ -103,7 +103,7 @@ def _words(changes: list[Edit]) -> str:
 
 def _from(folder: Path, path: Path) -> str:
     """A path as written in a file of a folder."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    return named_from(folder.resolve(), path.resolve())
 
 
 def _edit(studio: Studio, path: Path, item: Any) -> Edit:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
 from evaluator.errors import InputError
-from evaluator.files import write_text
+from evaluator.files import named_from, write_text
 from simulator.robot import shipped_robots
 
 START_S = 0.5  # motors on in the time of the recording: frames at rest determine the start pose
@@ -58,7 +57,7 @@ def write_planned(
     """
     output, *logs = planned_files(output, len(runs))
     if robot not in shipped_robots():
-        robot = Path(os.path.relpath(robot, output.parent)).as_posix()
+        robot = named_from(output.parent, Path(robot))
     lines = [
         f"# {COMMANDS}/r01.csv and so on: each command for the program that drives the robot, time_s from its start.",
         *("format = 1", f'name = "{name}"', f'robot = "{robot}"', 'camera = "camera.json"'),

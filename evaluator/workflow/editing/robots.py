@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_text
+from evaluator.files import named_from, read_with, write_text
 from evaluator.workflow.editing.documents import change_document, replace_text, version_of
 from evaluator.workflow.editing.unfinished import read_unfinished
 from simulator.effects.catalogue import faults_of_effects
@@ -52,10 +51,10 @@ def write_robot(experiment: Path, text: str, version: str) -> RobotFile:
     for path, content in beside.items():
         write_text(path, content)
     if not there.named:
-        name = os.path.relpath(there.path, experiment.resolve().parent)
+        name = named_from(experiment.resolve().parent, there.path)
 
         def change(document: Any) -> None:
-            document["robot"] = Path(name).as_posix()
+            document["robot"] = name
 
         change_document(experiment, version_of(experiment), change)
     return robot_file(experiment)

@@ -6,13 +6,12 @@ It contains no time and no host name, so that the same input gives the same file
 from __future__ import annotations
 
 import json
-import os
 import platform
 import tomllib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from evaluator.files import write_text
+from evaluator.files import named_from, write_text
 from evaluator.workflow.results.validity import code_hash, file_hash, installed_version, library_versions
 
 
@@ -32,7 +31,7 @@ def write_provenance(
     folder = experiment_path.resolve().parent
 
     def named(file: Path) -> str:
-        return Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
+        return named_from(folder, Path(file).resolve())
 
     others = set(changed)
     content = {

@@ -6,7 +6,6 @@ import base64
 import csv
 import io
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from evaluator.errors import InputError
-from evaluator.files import explain
+from evaluator.files import explain, named_from
 from evaluator.workflow.editing.documents import change_document, read_document, replace_text, version_of
 from evaluator.workflow.editing.unfinished import read_unfinished, run_of
 
@@ -112,7 +111,7 @@ def write_tracking(experiment: Path, version: str, said: Mapping[str, Any]) -> T
 
     change_document(there.path, version, change)
     if read_unfinished(experiment).tracking is None:
-        name = Path(os.path.relpath(there.path, experiment.resolve().parent)).as_posix()
+        name = named_from(experiment.resolve().parent, there.path)
 
         def naming(document: Any) -> None:
             document["tracking"] = name
@@ -153,7 +152,7 @@ def write_corrections(experiment: Path, run_id: str, version: str, rows: Sequenc
         writer.writerow([row["frame"], row["mark"], *place])
     found = replace_text(path, version, text.getvalue())
     _, of_experiment = read_document(experiment)
-    name = Path(os.path.relpath(path, experiment.resolve().parent)).as_posix()
+    name = named_from(experiment.resolve().parent, path)
 
     def naming(document: Any) -> None:
         for run in document["run"]:
