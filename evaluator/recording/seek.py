@@ -23,8 +23,8 @@ from evaluator.recording.frame import Frame
 from evaluator.recording.images import ImageSequence
 from evaluator.recording.layout import Layout
 from evaluator.recording.open import has_no_clock, open_recording
-from evaluator.recording.streams import videos_of
-from evaluator.recording.video import STREAMED, Recording
+from evaluator.recording.streams import starts_anywhere, videos_of
+from evaluator.recording.video import Recording
 
 Image = NDArray[np.uint8]
 CACHE_BYTES = 160_000_000  # of decoded frames: a group of 250 at 640 x 480, two of 12 at 1920 x 1080
@@ -144,7 +144,7 @@ class _Seeking:
         if not keys or keys[0][0] != 0:
             raise CannotSeekError
         self._seek_to = dict(keys)
-        self._origin = origin = self._ticks[0] if self._container.format.name in STREAMED else 0
+        self._origin = origin = self._ticks[0] if starts_anywhere(self._container) else 0
         tick = self._stream.time_base
         times = tuple((t - origin) * tick.numerator / tick.denominator for t in self._ticks)
         image = self._first()

@@ -9,6 +9,9 @@ from av.stream import Disposition
 
 from evaluator.wording import counted
 
+# Containers whose clock starts at any time. AVI has times of decoding only, which FFmpeg shifts by a frame for H.264.
+STREAMED = ("mpegts", "mpeg", "avi")
+
 
 def videos_of(container: Any) -> list[Any]:
     """Video streams for which FFmpeg has a decoder, the recording first.
@@ -22,6 +25,19 @@ def videos_of(container: Any) -> list[Any]:
 
 def _is_cover(stream: Any) -> bool:
     return bool(stream.disposition & Disposition.attached_pic)
+
+
+def has_decoding_times(container: Any) -> bool:
+    """Whether FFmpeg passes on times of decoding as those of presentation: an AVI has no others.
+
+    They differ if the codec has B-frames.
+    """
+    return container.format.name == "avi" and bool(videos_of(container)[0].codec_context.has_b_frames)
+
+
+def starts_anywhere(container: Any) -> bool:
+    """Whether the clock of a container starts at any time, so that times count from the first frame."""
+    return container.format.name in STREAMED
 
 
 def asked_of_viewers(container: Any) -> Iterator[str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
+from heapq import heappop, heappush
+from itertools import chain, pairwise, repeat
 from typing import Any
 
 from evaluator.wording import counted, verb
@@ -43,21 +44,20 @@ def clock_runs(packets: Sequence[Any]) -> bool:
     return len(times) < 2 or len(set(times)) > 1
 
 
-def in_order(timed: Iterable[tuple[Any, int | None]]) -> Iterator[tuple[Any, int | None]]:
-    """Frames with their times; times of neighbours are exchanged if the second is earlier.
+def in_order(timed: Iterable[tuple[Any, int | None]], most: int = 1) -> Iterator[tuple[Any, int | None]]:
+    """Frames with their times, which are exchanged among neighbours so that they rise.
 
     Decoders return frames in the order of presentation. If a container has no presentation times (AVI) and the codec
-    has B-frames, the substituted times are not always in this order.
+    has B-frames, the substituted times are those of decoding. most: number of frames by which a time may be too early.
     """
-    held: tuple[Any, int | None] | None = None
-    for image, ticks in timed:
-        if held is not None:
-            if ticks is not None and held[1] is not None and ticks < held[1]:
-                held, ticks = (held[0], ticks), held[1]  # noqa: PLW2901
-            yield held
-        held = image, ticks
-    if held is not None:
-        yield held
+    held, times = deque[tuple[Any, bool]](), list[int]()
+    for image, ticks in chain(timed, repeat((None, None), most)):
+        held.append((image, ticks is not None))
+        if ticks is not None:
+            heappush(times, ticks)
+        if len(held) > most:
+            earliest, has_time = held.popleft()
+            yield earliest, heappop(times) if has_time else None
 
 
 def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], notes: Sequence[str]) -> TimingReport:

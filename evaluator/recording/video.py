@@ -16,7 +16,13 @@ from evaluator.recording.frame import Frame
 from evaluator.recording.groups import LONGEST, Groups
 from evaluator.recording.layout import Layout
 from evaluator.recording.parallel import decoded, decoders_for, first_packets, groups_for, threads_for
-from evaluator.recording.streams import Undiscarded, asked_of_viewers, videos_of
+from evaluator.recording.streams import (
+    Undiscarded,
+    asked_of_viewers,
+    has_decoding_times,
+    starts_anywhere,
+    videos_of,
+)
 from evaluator.recording.timing import TimingReport, clock_runs, in_order, summarise
 from evaluator.wording import counted, verb
 
@@ -27,7 +33,7 @@ SLOWEST_PROGRESSIVE = 31  # interlaced cameras record 25 or 29.97 frames a secon
 FIRST_PACKETS = 8  # packets whose times are examined for a running clock
 # Tolerance of the stated number of frames, which may include the last frame and delays of sound and B-frames.
 LACKING = 10
-STREAMED = ("mpegts", "mpeg")  # containers whose clock starts at any time: times are relative to the first frame
+REORDERED = 16  # frames: most by which H.264 and HEVC may show a frame later than they decode it
 
 
 class Recording:
@@ -131,11 +137,12 @@ class Recording:
             first, images = self._under_way(container, opened)
             runs = clock_runs(first)
             layout: Layout | None = None
-            origin = None if container.format.name in STREAMED or self.live else 0
+            origin = None if starts_anywhere(container) or self.live else 0
+            most = REORDERED if has_decoding_times(container) else 1
             frame: Frame | None = None
             timed = ((image, self._ticks_of(image, k, runs=runs)) for k, image in enumerate(images))
             index, last = 0, None
-            for image, ticks in timed if self.live else in_order(timed):
+            for image, ticks in timed if self.live else in_order(timed, most):
                 if ticks is None or (last is not None and ticks <= last):
                     self._standing += 1
                     continue

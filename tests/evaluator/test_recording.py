@@ -66,10 +66,18 @@ def test_images_that_are_not_after_those_before_them_are_left_out(tmp_path: Path
     assert recording.report().notes == ("2 frames are left out: their times are not after those before them",)
 
 
-def test_h264_in_avi_has_its_times_in_order(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "v.avi", noise_images(24), codec="libx264", pixels="yuv420p")
-    recording = open_recording(video)
-    assert [frame.time for frame in recording] == [Fraction(k + 1, 60) for k in range(24)]
+@pytest.mark.parametrize("b_frames", [0, 2, 8])
+def test_h264_in_avi_has_its_times_in_order_however_its_frames_refer_to_each_other(
+    tmp_path: Path, b_frames: int
+) -> None:
+    images = [np.full((48, 64, 3), 20 + 8 * k, np.uint8) for k in range(24)]
+    options = {"x264-params": f"bframes={b_frames}:b-adapt=0:b-pyramid=normal"}
+    recording = open_recording(
+        write_video(tmp_path / "v.avi", images, codec="libx264", pixels="yuv420p", options=options)
+    )
+    frames = [(frame.time, float(frame.luma.mean())) for frame in recording]
+    assert [time for time, _ in frames] == [Fraction(k, 60) for k in range(24)]
+    assert np.all(np.diff([light for _, light in frames]) > 0)
     assert recording.report().notes == ()
 
 
