@@ -14,8 +14,10 @@ Array = NDArray[np.float64]
 # robots.
 SAID, OTHER = 0.05, 0.2
 USUAL, ANY_ROBOT = 3.0, 1.0  # default distance in diameters, and the spread of its logarithm
+TOUCHING = 1.0  # diameters: nearer pairs (halves of one square) gain nothing over this distance
 CUT = -4.0  # log odds of a mark that is cut by the border of the image, as floors and walls often are
 OBLONG = -2.0  # log odds of a mark that is a sticker of any shape instead of a disc
+OVERLAPPING = 20.0  # penalty of two blobs whose centres are within one of them: one object at two levels of chroma
 # Difference of log-likelihoods of two pairs with equal geometry, by 2 % uncertainty of blobs (0.1) and light that
 # varies by 10 % (0.4).
 ALIKE = 0.7
@@ -126,6 +128,9 @@ def _pair_scores(ones: list[Candidate], others: list[Candidate], settings: Track
         score += _log_odds(np.log(diameters / settings.pair_distance))
     elif settings.distance_diameters is not None:  # by default, the marks of a robot are some diameters apart
         score -= 0.5 * (np.log(diameters / USUAL) / ANY_ROBOT) ** 2
+        # Marks of other robots lie anywhere: their number grows with the area, so that near ones are more telling.
+        score -= 2.0 * np.log(np.maximum(diameters, TOUCHING) / USUAL)
+        score -= OVERLAPPING * (distance < np.maximum(radius[0][:, None], radius[1]))
     return np.asarray(score, float)
 
 

@@ -27,6 +27,7 @@ Followers = Mapping[str, Follower | BlobFollower]
 SELDOM_MASK, OFTEN_MASK = 15, 3
 IN_A_ROW = 3  # frames that show another pair before it is accepted; flicker and codec residue are shorter
 NEARBY = 2.0  # radii: tolerance of a predicted position, in addition to the motion in a frame
+WITHIN = 1.0  # radii: two marks do not overlap so far, also if they touch (halves of one square)
 
 
 class SecondLook:
@@ -81,13 +82,29 @@ class SecondLook:
         return not self._sure
 
 
-def at_place_of(one: Candidate, follower: Follower | BlobFollower | None, time_s: float) -> bool:
-    """Whether a blob is at the position of a followed mark."""
+def at_place_of(
+    one: Candidate, follower: Follower | BlobFollower | None, time_s: float, nearby: float = NEARBY
+) -> bool:
+    """Whether a blob is at the position of a followed mark, within a number of radii."""
     place = None if follower is None else follower.predicted(time_s)
     if follower is None or place is None:
         return False
     way = math.dist(place, follower.position or place)
-    return math.dist(one.center_px, place) < NEARBY * max(one.radius_px, 1.0) + way
+    return math.dist(one.center_px, place) < nearby * max(one.radius_px, 1.0) + way
+
+
+def beside_partner(found: Reading, settings: TrackingSettings, followers: Followers, time_s: float) -> Pair:
+    """The most probable blobs of a search, beside the other mark of the pair if that is followed already.
+
+    By itself, the mark of another robot may be as probable.
+    """
+    known = [
+        Candidate(name, place, followers[name].radius_px, elongation=1.0, chroma=1.0, chroma_uv=(0.0, 0.0))
+        for name in settings.pair
+        if name in followers and (place := followers[name].predicted(time_s)) is not None
+    ]
+    chosen = choose([*found.blobs, *known], settings)[0] if known and found.chosen else found.chosen
+    return {name: chosen[name] for name in found.chosen}
 
 
 def _followed(pair: Pair, followers: Followers, time_s: float) -> bool:

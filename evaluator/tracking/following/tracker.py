@@ -20,7 +20,7 @@ from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.lessons import LEARNING_FRAMES, Lessons
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
-from evaluator.tracking.following.second_look import SecondLook, at_place_of
+from evaluator.tracking.following.second_look import WITHIN, SecondLook, at_place_of, beside_partner
 from evaluator.tracking.following.shape import (
     OBLONG,
     Held,
@@ -237,15 +237,16 @@ class Tracker:
         wanted = [name for name in self.names if name not in self.followers]
         if not wanted:
             return
-        chosen, found, balance = find_marks(frame, self.settings, wanted)
+        found = find_marks(frame, self.settings, wanted)
+        chosen = beside_partner(found, self.settings, self.followers, frame.time_s)
         pair = len(self.names) > 1 and not self.followers
         self._waited += 1
         waiting = self._waited < PATIENCE or self._rivals.undecided
         if not chosen or (pair and len(chosen) < len(wanted) and waiting):
             return
         if self.settings.pair and len(chosen) == len(self.settings.pair):
-            chosen = self._rivals.decide(found, self.settings, chosen)
-        self._start_all(frame, chosen, balance)
+            chosen = self._rivals.decide(found.blobs, self.settings, chosen)
+        self._start_all(frame, chosen, found.balance)
 
     def _begin_anew(self, frame: Frame, better: Reading) -> None:
         """Follow another pair; the objects followed elsewhere were not the robot."""
@@ -265,7 +266,7 @@ class Tracker:
         if self.settings.pair and len(chosen) == len(self.settings.pair):
             self.second_look.note(chosen, self.settings)
         for name, candidate in chosen.items():
-            if any(at_place_of(candidate, known, frame.time_s) for known in self.followers.values()):
+            if any(at_place_of(candidate, known, frame.time_s, WITHIN) for known in self.followers.values()):
                 continue  # two marks are never at one position
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]

@@ -87,7 +87,18 @@ def test_marks_of_a_robot_that_nobody_described_are_some_three_diameters_apart()
     names = ("red", "blue")
     assert of_pair(OTHER_MARKS, YELLOW, names) == pytest.approx(0.0)
     far = replace(YELLOW, center_px=(50.0 + 30 * exp(1.0), 40.0))
-    assert of_pair(OTHER_MARKS, far, names) == pytest.approx(-0.5)
+    assert of_pair(OTHER_MARKS, far, names) == pytest.approx(-0.5 - 2.0)  # and marks of others in a larger area
+    halves = replace(YELLOW, center_px=(56.0, 40.0))  # of one square, 0.6 diameters apart
+    assert of_pair(OTHER_MARKS, halves, names) == pytest.approx(-0.5 * log(0.6 / 3) ** 2 + 2 * log(3.0))
+    nested = replace(YELLOW, center_px=(54.0, 40.0))
+    assert of_pair(OTHER_MARKS, nested, names) < -19.0
+
+
+def test_of_many_robots_the_nearest_mark_belongs_to_one_robot() -> None:
+    red, blue = (replace(GREEN, mark=name) for name in ("red", "blue"))
+    others = [replace(blue, center_px=(50.0 + apart, 40.0), chroma=85.0) for apart in (45.0, 110.0)]
+    near = replace(blue, center_px=(56.0, 40.0))
+    assert choose([red, near, *others], OTHER_MARKS)[0] == {"red": red, "blue": near}
 
 
 def test_a_distance_is_that_of_the_robot_that_was_said_or_bounded_that_of_another() -> None:

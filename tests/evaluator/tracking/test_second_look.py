@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
+from evaluator.tracking.detection.find import Reading
+from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following import second_look, tracker
-from evaluator.tracking.following.second_look import SecondLook, at_place_of
+from evaluator.tracking.following.second_look import WITHIN, SecondLook, at_place_of, beside_partner
 from evaluator.tracking.following.tracker import Tracker
 from evaluator.tracking.observation import MISTAKEN, Sighting
 from tests.evaluator.tracking.plain_video import (
@@ -159,6 +161,24 @@ def test_a_blob_is_the_mark_that_is_followed_within_two_radii_beside_its_way(apa
     assert not at_place_of(blob, None, 0.0)
     other: Any = SimpleNamespace(position=None, predicted=lambda _time: None)
     assert not at_place_of(blob, other, 0.0)
+
+
+def test_a_mark_that_touches_another_is_not_at_its_place_within_one_radius() -> None:
+    follower: Any = SimpleNamespace(position=(10.0, 10.0), predicted=lambda _time: (10.0, 10.0))
+    blob: Any = SimpleNamespace(center_px=(10.0, 15.0), radius_px=4.0)
+    assert at_place_of(blob, follower, 0.0)
+    assert not at_place_of(blob, follower, 0.0, WITHIN)
+
+
+def test_the_other_mark_of_a_robot_is_sought_beside_the_one_that_is_followed() -> None:
+    settings = TrackingSettings.model_validate({"mark": {"red": {}, "blue": {}}, "body": ["red", "blue"]})
+    far, near = (
+        Candidate("blue", (x, 40.0), 10.0, 1.0, chroma, (90.0, 90.0)) for x, chroma in ((400.0, 90.0), (63.0, 80.0))
+    )
+    follower: Any = SimpleNamespace(position=(50.0, 40.0), radius_px=10.0, predicted=lambda _time: (50.0, 40.0))
+    found = Reading({"blue": far}, [far, near], 1.0)
+    assert beside_partner(found, settings, {}, 0.0) == {"blue": far}
+    assert beside_partner(found, settings, {"red": follower}, 0.0) == {"blue": near}
 
 
 def test_a_pair_is_plausible_that_looks_like_one_or_whose_places_were_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.tracking.detection.find import Reading
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following import tracker as module
 from evaluator.tracking.observation import Sighting
@@ -23,7 +24,7 @@ def discovering(monkeypatch: pytest.MonkeyPatch, found: dict[str, Candidate], *,
     one.started = []
     one.second_look = SimpleNamespace(better=lambda *_: None, note=lambda *_: None, begin=lambda: None)
     one._rivals = SimpleNamespace(undecided=rivals, decide=lambda _found, _settings, chosen: chosen)
-    monkeypatch.setattr(module, "find_marks", lambda *_: (found, [], 0.5))
+    monkeypatch.setattr(module, "find_marks", lambda *_: Reading(found, list(found.values()), 0.5))
     monkeypatch.setattr(one, "_start_all", lambda _frame, chosen, balance: one.started.append((chosen, balance)))
     return one
 
@@ -57,7 +58,7 @@ def test_another_pair_begins_anew_but_for_a_mark_that_is_where_it_was(monkeypatc
     green = one.followers["green"]
     better = SimpleNamespace(chosen={"green": GREEN, "yellow": YELLOW}, balance=0.25)
     one.second_look.better = lambda *_: better
-    monkeypatch.setattr(module, "find_marks", lambda *_: ({}, [], 1.0))
+    monkeypatch.setattr(module, "find_marks", lambda *_: Reading({}, [], 1.0))
     one._discover(frame(7))
     assert one.followers == {"green": green}
     assert one.began == {"yellow": 7}
