@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
-from tests.benchmarks.public_data.sets import BALL, FIELD, Published
+from tests.benchmarks.public_data.sets import BALL, FIELD, HELD, SQUARES, Published
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -30,7 +31,14 @@ class Resting:
 
 RESTING = (Resting((457.4, 38.5), (430, 15, 485, 65)), Resting((529.4, 202.0), (500, 175, 560, 230)))
 BORDER: Box = (0, 0, 97, 468)  # of the screen that was recorded
-HUES = {"green": (90.0, 165.0), "yellow": (42.0, 72.0), "blue": (195.0, 255.0)}
+HUES = {
+    "red": (340.0, 375.0),
+    "green": (90.0, 165.0),
+    "yellow": (42.0, 72.0),
+    "blue": (195.0, 255.0),
+    "magenta": (285.0, 335.0),
+}
+BALL_PX = 40.0  # half a hand-held ball
 IN_VIEW = (21, 32)  # frames in which the ball is seen
 
 
@@ -39,9 +47,16 @@ def marks(folder: Path) -> None:
     print("\nmarks in video: found, wrong, scatter px | threshold and centroid")
     if (path := _there(FIELD, folder)) is not None:
         _resting(path)
-        _pair(path)
+        _pair(FIELD, path, ("green", "blue"), [BORDER], (98, 0, 632, 468))
+    for one in SQUARES:
+        if (path := _there(one, folder)) is not None:
+            for color in ("red", "green", "magenta"):  # the other half of each robot is blue
+                _pair(one, path, (color, "blue"))
     if (path := _there(BALL, folder)) is not None:
         _ball(path)
+    for one in HELD:
+        if (path := _there(one, folder)) is not None:
+            _held(one.name, path)
 
 
 def _there(one: Published, folder: Path) -> Path | None:
@@ -72,19 +87,24 @@ def _resting(path: Path) -> None:
         print(f"{FIELD.name}, resting {number}: {cells[0]} | {cells[1]}; {seconds:.1f} s")
 
 
-def _pair(path: Path) -> None:
-    """Green and blue mark of one robot: their distance is one number; a frame in which it is not has a wrong mark."""
-    content: dict[str, object] = {"mark": {"green": {}, "blue": {}}, "body": ["green", "blue"], "mask_px": [BORDER]}
-    ours, seconds = _tracked(path, content)
-    theirs = {name: _threshold(path, name, (98, 0, 632, 468)) for name in ("green", "blue")}
+def _pair(
+    one: Published, path: Path, names: tuple[str, str], masks: Sequence[Box] = (), region: Box = (0, 0, 1e9, 1e9)
+) -> None:
+    """Two marks of one robot: their distance is one number; a frame in which it is not has a wrong mark."""
+    ours, seconds = _tracked(path, {"mark": {name: {} for name in names}, "body": names, "mask_px": masks})
+    theirs = {name: _threshold(path, name, region) for name in names}
     cells = []
+    usual = np.nanmedian(np.hypot(*(ours[names[0]] - ours[names[1]]).T))
     for found in (ours, theirs):
-        distance = np.hypot(*(found["green"] - found["blue"]).T)
+        distance = np.hypot(*(found[names[0]] - found[names[1]]).T)
         seen = np.isfinite(distance)
-        usual = np.median(distance[seen])
         right = np.abs(distance - usual) < FAR_PX
-        cells.append(f"{right.mean():6.1%} {int((seen & ~right).sum()):4d} {np.std(distance[right]):.3f}")
-    print(f"{FIELD.name}, pair: {cells[0]} | {cells[1]} (scatter of the distance); {seconds:.1f} s")
+        scatter = float(np.std(distance[right])) if right.any() else np.nan
+        cells.append(f"{right.mean():6.1%} {int((seen & ~right).sum()):4d} {scatter:.3f}")
+    print(
+        f"{one.name}, {' and '.join(names)} {usual:.1f} px apart: {cells[0]} | {cells[1]} (scatter of the distance);"
+        f" {seconds:.1f} s"
+    )
 
 
 def _ball(path: Path) -> None:
@@ -98,8 +118,20 @@ def _ball(path: Path) -> None:
     print(f"{BALL.name}: {cells[0]} | {cells[1]}; {seconds:.1f} s")
 
 
-def _threshold(path: Path, name: str, region_px: Box) -> Array:
-    """Centroid of the largest blob within the hues of a name in a region, (n, 2); NaN without one of 20 px²."""
+def _held(name: str, path: Path) -> None:
+    """A striped ball in a hand, without truth: frames found by either method, and those in which they differ."""
+    ours, seconds = _tracked(path, {"mark": {"green": {}}})
+    theirs = _threshold(path, "green", (0, 0, 1e9, 1e9), least=25)
+    seen, other = np.isfinite(ours["green"][:, 0]), np.isfinite(theirs[:, 0])
+    off = np.hypot(*(ours["green"] - theirs).T)[seen & other]
+    print(f"{name}: {seen.sum():4d} | {other.sum():4d} frames; {(off > BALL_PX).sum()} differ; {seconds:.1f} s")
+
+
+def _threshold(path: Path, name: str, region_px: Box, least: int = 80) -> Array:
+    """Centroid of the largest blob within the hues of a name in a region, (n, 2); NaN without one of 20 px².
+
+    least: saturation and brightness of its pixels.
+    """
     low, high = HUES[name]
     left, top, right, bottom = (round(min(edge, 1e6)) for edge in region_px)
     places = []
@@ -108,7 +140,7 @@ def _threshold(path: Path, name: str, region_px: Box) -> Array:
             shown = frame.to_ndarray(format="rgb24")[top : bottom + 1, left : right + 1]
             hsv = cv2.cvtColor(np.ascontiguousarray(shown), cv2.COLOR_RGB2HSV_FULL)
             turned = (hsv[..., 0].astype(np.int16) * 360 // 256 - round(low)) % 360
-            mask = ((turned < (high - low) % 360) & (hsv[..., 1] > 80) & (hsv[..., 2] > 80)).astype(np.uint8)
+            mask = ((turned < (high - low) % 360) & (hsv[..., 1] > least) & (hsv[..., 2] > least)).astype(np.uint8)
             count, _, stats, centers = cv2.connectedComponentsWithStats(mask, connectivity=8)
             best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0
             good = best and stats[best, cv2.CC_STAT_AREA] >= 20

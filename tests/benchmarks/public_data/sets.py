@@ -90,4 +90,12 @@ FIELD = Published(
     "robots_from_above/robot_move.mp4",
 )  # fmt: skip
 BALL = Published("green ball", "trflorian/ball-tracking-live-plot", "MIT", "data/ball.mp4", "green_ball/ball.mp4")
+HELD = tuple(
+    Published(f"hand-held ball {number}", "trflorian/ball-tracking-live-plot", "MIT", f"media/ball{number}.mp4")
+    for number in (2, 3, 4)
+)
+SQUARES = tuple(
+    Published(f"halves of squares {number}", "RoBorregos/VSSS-2019-legacy", "none stated", f"vision/media/{name}.mp4")
+    for number, name in enumerate(("test", "test2"), start=1)
+)
 CAR = Published("car on a circle", "Lorenzo-Lyons/DART", "MIT", "rc_car_circles", "rc_car_circles")
