@@ -2,8 +2,8 @@
 
 The start pose is unknown, so that only the shape of the path in time is compared: RMS distance of both marks after the
 best rotation and shift. A mistake is accepted if the run fits it several times better than the file, and the misfit of
-the file is large compared with the path and with the misfit of runs with the same wheel speeds. Physical effects cause
-neither.
+the file is large compared with the path and with the misfit of runs with the same ratio of wheel speeds. Physical
+effects cause neither.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 MISFIT_SHARE = 0.15
 BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
 ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
-# Number of other runs with the same two wheel speeds, on either side and in both directions, with which a smaller
+# Number of other runs with the same ratio of wheel speeds, on either side and in both directions, with which a smaller
 # misfit is sufficient: a physical effect changes all of these runs, and is excluded if they fit their file.
 FEWEST_SIMILAR = 2
 # Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
@@ -48,7 +48,7 @@ SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
 class Judgement:
     """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
 
-    extent_mm: of the path. speeds: of the wheels without side and sign, equal for similar runs.
+    extent_mm: of the path. speeds: of the wheels without side and sign.
     """
 
     ways: list[Alternative]
@@ -145,6 +145,15 @@ def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
     return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
 
 
+def _relative(speeds: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """The wheel speeds of a run relative to its fastest wheel.
+
+    Runs with equal ones follow the same path, each at its own pace, because slip depends on ratios of speeds only.
+    """
+    fastest = max((faster for _, faster in speeds), default=0.0) or 1.0
+    return tuple((round(slower / fastest, 2), round(faster / fastest, 2)) for slower, faster in speeds)
+
+
 def _speeds_of_sides(run: RunData) -> tuple[tuple[float, float], ...]:
     """Wheel speeds, left and right, of a run without direction: as if it began forward."""
     stretches = run.run_command.driven
@@ -189,7 +198,7 @@ def _least_shares(judgements: Sequence[Judgement]) -> list[float]:
     """For every run, the misfit of the file over the extent above which mistakes are considered."""
     alike: dict[object, list[int]] = {}
     for k, item in enumerate(judgements):
-        alike.setdefault(item.speeds, []).append(k)
+        alike.setdefault(_relative(item.speeds), []).append(k)
     found = [MISFIT_SHARE] * len(judgements)
     for members in alike.values():
         shares = np.array([judgements[k].share for k in members])

@@ -89,7 +89,11 @@ def test_a_run_is_judged_from_a_smaller_misfit_on_where_similar_runs_fit_their_f
     similar: list[float], least: float
 ) -> None:
     one = Judgement(WAYS, np.array([1.0, 0.1, 9.0]), 10.0, ((5.0, 30.0),))
-    others = [Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0, 30.0),)) for value in similar]
+    pace = (1.0, 0.7)  # runs with the same ratio of speeds follow the same path
+    others = [
+        Judgement(WAYS, np.array([value, 9.0, 9.0]), 10.0, ((5.0 * part, 30.0 * part),))
+        for value, part in zip(similar, pace, strict=False)
+    ]
     stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
     assert _least_shares([one, *others, stranger])[0] == pytest.approx(least)
     assert (_judged(one, set(), least) is not None) == (least < 0.1)
@@ -111,7 +115,10 @@ def test_only_runs_that_misfit_their_file_or_follow_a_log_are_simulated_as_other
     misfits = {"r0": 0.1, "r1": 9.0, "r2": np.nan, "r3": 0.1}  # of an extent of 10 mm
 
     def judged(ways: list[list[Alternative]], _: Any) -> list[Judgement]:
-        return [Judgement(way, np.full(len(way), misfits[way[0].run.id]), 10.0, ((way[0].run.id,),)) for way in ways]
+        ids = [way[0].run.id for way in ways]
+        speeds = [((1.0, 2.0 + list(misfits).index(run)),) for run in ids]  # no two in the same ratio
+        found = zip(ways, ids, speeds, strict=True)
+        return [Judgement(way, np.full(len(way), misfits[run]), 10.0, pair) for way, run, pair in found]
 
     monkeypatch.setattr(hypotheses, "_judgements", judged)
     monkeypatch.setattr(hypotheses, "MOST_AT_ONCE", 2)
