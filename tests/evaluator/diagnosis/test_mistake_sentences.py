@@ -86,18 +86,31 @@ def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> 
     assert "; or change the signs" in found.remedy
 
 
-@pytest.mark.parametrize(("fast", "told"), [(2, 0), (3, 3)])
-def test_another_rate_is_believed_where_most_runs_show_it(
-    fast: int, told: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("rates", "told"),
+    [
+        ([1.2, 1.2, 1.2, 1.2, 1.0], 4),
+        ([1.2, 1.2, 1.2, 1.0, 1.0], 0),  # two runs contradict it, of which at most one is odd
+        ([1.2, 1.25, 2.0, 2.5, 4.0], 0),  # each turn is slower by another factor, as with a blocked wheel
+        ([1.0, 1.0, 1.0, 1.0, 1.0], 0),
+    ],
+)
+def test_another_rate_is_believed_where_one_rate_fits_most_runs(
+    rates: list[float], told: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = [driven(number) for number in range(4)]
-    ways = [[Alternative(None, run), Alternative("wrong-rate", run, "moves as if")] for run in data]
+    data = [driven(number) for number in range(len(rates))]
+    ratios = sorted({*rates} - {1.0}) or [2.0]
     judgements = [
-        Judgement(of_run, np.array([9.0, 0.1 if number < fast else 8.0]), 10.0, ((10.0, 30.0 + number),))
-        for number, of_run in enumerate(ways)
+        Judgement(
+            [Alternative(None, run), *(Alternative("wrong-rate", run, f"at {ratio}") for ratio in ratios)],
+            np.array([9.0, *(0.1 if ratio == rate else 3.1 for ratio in ratios)]),
+            10.0,
+            ((10.0, 30.0 + number),),
+        )
+        for number, (run, rate) in enumerate(zip(data, rates, strict=True))
     ]
     monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
-    assert len(misread_runs(data, [ROBOT] * 4)) == told
+    assert len(misread_runs(data, [ROBOT] * len(data))) == told
 
 
 def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_tells_most(
