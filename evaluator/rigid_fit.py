@@ -16,6 +16,7 @@ from evaluator.robust import robust_sigma
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+HALF = 0.5  # of the limit of a distance, by which points are distinguished: three of six standard deviations
 ENOUGH = 12  # frames with all marks, from which their mean positions on the body are more accurate than a robot file
 
 
@@ -67,6 +68,9 @@ def odd_points(points: Array, limit_sigma: float, least_mm: float) -> tuple[Flag
 
     For each such frame: the distance that deviates most, and its value in the other frames. limit_sigma: robust
     standard deviations of a distance; least_mm: their lower bound.
+
+    A point that moves at right angles to its line to another one hardly changes this distance. If the deviating
+    distances have several points in common, the distances beyond half the limit decide between them.
     """
     count = points.shape[1]
     pairs = list(combinations(range(count), 2))
@@ -81,14 +85,25 @@ def odd_points(points: Array, limit_sigma: float, least_mm: float) -> tuple[Flag
     wrong, refused = np.zeros(points.shape[:2], bool), {}
     for row in np.flatnonzero((off > 1).any(axis=1)):
         seen = np.flatnonzero(np.isfinite(points[row]).all(axis=1))
-        odd = [set(pair) for pair, beyond in zip(pairs, off[row] > 1, strict=True) if beyond]
-        culprits = [mark for mark in seen if len(seen) > 2 and all(mark in pair for pair in odd)]
-        if len(culprits) == 1:
-            wrong[row, culprits[0]] = True
+        culprit = _odd_one(pairs, off[row], seen)
+        if culprit is not None:
+            wrong[row, culprit] = True
         else:
             worst = int(off[row].argmax())
             refused[int(row)] = float(distance[row, worst]), float(usual[worst])
     return wrong, refused
+
+
+def _odd_one(pairs: list[tuple[int, int]], off: Array, seen: NDArray[np.int64]) -> int | None:
+    """The point of several seen ones that alone is part of all deviating distances; off: deviations over the limit."""
+    if len(seen) < 3:
+        return None
+    for limit in (1.0, HALF):
+        odd = [pair for pair, size in zip(pairs, off, strict=True) if size > limit]
+        common = [int(point) for point in seen if all(point in pair for pair in odd)]
+        if len(common) == 1:
+            return common[0]
+    return None
 
 
 def _about_mean(points: Array, places: Array, weights: Array) -> tuple[Array, Array, Array]:

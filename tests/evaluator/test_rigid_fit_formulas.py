@@ -59,6 +59,14 @@ def test_two_points_that_are_off_from_each_other_alone_leave_the_frame_without_a
     assert refused == {4: pytest.approx((4.1, 4.0))}
 
 
+def test_a_point_that_keeps_nearly_its_distance_from_one_of_the_others_is_the_odd_one() -> None:
+    points = np.broadcast_to(PLACES, (9, 3, 2)).copy()
+    points[4, 1] += [-0.2, -0.08]  # 0.2 nearer to the first, 0.04 farther from the third; limit 0.06
+    wrong, refused = odd_points(points, 6.0, 0.01)
+    assert np.argwhere(wrong).tolist() == [[4, 1]]
+    assert refused == {}
+
+
 @pytest.mark.parametrize(("away", "odd"), [(0.059, False), (0.061, True)])
 def test_a_distance_is_odd_beyond_so_many_sigmas_of_the_least(away: float, *, odd: bool) -> None:
     points = np.broadcast_to(PLACES[:2], (9, 2, 2)).copy()
