@@ -39,11 +39,12 @@ def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> ND
     return np.stack([table[columns_of([name], unit)].to_numpy(float) for name in names], axis=1)
 
 
-def read_marks(path: Path, names: Iterable[str] | None = None) -> pd.DataFrame:
+def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataFrame:
     """Read a marks CSV. Raises InputError for a file that is not one.
 
     names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required.
     """
+    path = Path(path)
     try:
         table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
     except FileNotFoundError as error:
@@ -109,6 +110,6 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
                 raise InputError(f"{path}: line {far[0] + 2}, {name} = {values[far[0]]:g} is not a position on a plate")
 
 
-def write_marks(table: pd.DataFrame, path: Path) -> None:
+def write_marks(table: pd.DataFrame, path: Path | str) -> None:
     """Write a marks table as CSV, completely or not at all; missing marks become empty cells."""
-    write_table(table, path)
+    write_table(table, Path(path))

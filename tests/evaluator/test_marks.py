@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.marks import columns_of, read_marks
+from evaluator.marks import columns_of, read_marks, write_marks
 
 COLUMNS = ("time_s", *columns_of(("green", "yellow")))
 ROWS = ["0.0, 1.0, 2.0, 3.0, 4.0", "0.1, , , 3.1, 4.1", "0.2,1.2,2.2,3.2,4.2"]
@@ -30,3 +30,10 @@ def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
     table = read_marks(path, ("green", "yellow"))
     assert table.iloc[0].tolist() == [0.5, -1.25, 2.0, 3.0, 4.75]
     assert table.iloc[1].isna().sum() == 2
+
+
+def test_a_file_may_be_named_by_its_text(tmp_path: Path) -> None:
+    written, name = tmp_path / "marks.csv", str(tmp_path / "again.csv")
+    written.write_text("\n".join([",".join(COLUMNS), *ROWS]) + "\n", encoding="utf-8")
+    write_marks(read_marks(str(written)), name)
+    assert read_marks(name).iloc[0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
