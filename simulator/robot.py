@@ -14,7 +14,7 @@ from simulator.effects.catalogue import EFFECTS, faults_of_effects
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.nominal_robot import NominalRobot
-from simulator.own_effects.files import load_beside
+from simulator.own_effects.files import load_beside, load_installed, load_named
 from simulator.units import in_standard_units
 
 UNITS_BY_SUFFIX = ("mm", "mN", "rpm")  # units of parameters that may be given in another of their kind
@@ -54,7 +54,8 @@ def shipped_robots() -> tuple[str, ...]:
 def load_robot(name_or_path: str | Path) -> Robot:
     """Read a shipped robot by name or any robot.toml by path.
 
-    Also loads the user's effects in the folder `effects` beside the file. Raises SimulationError for an unknown name
+    Also loads the user's effects: in the folder `effects` beside the file, named in TURNSCOPE_EFFECTS, and of installed
+    packages if the robot has an effect that is not known otherwise. Raises SimulationError for an unknown name
     and for a faulty effect, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
     text = str(name_or_path)
@@ -63,7 +64,18 @@ def load_robot(name_or_path: str | Path) -> Robot:
         load_beside(Path(text).parent)
     else:
         content = shipped_robot_text(text)
-    return Robot.model_validate(tomllib.loads(content))
+    load_named()
+    table = tomllib.loads(content)
+    if _ids(table) - EFFECTS.keys():
+        load_installed()
+    return Robot.model_validate(table)
+
+
+def _ids(table: dict[str, Any]) -> set[str]:
+    """Ids of the [[effect]] of a robot file."""
+    entries = table.get("effect")
+    listed = entries if isinstance(entries, list) else []
+    return {str(entry.get("id")) for entry in listed if isinstance(entry, dict)}
 
 
 def shipped_robot_text(name: str) -> str:

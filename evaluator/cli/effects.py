@@ -42,12 +42,12 @@ def effects(
     """List the physical effects, or describe one: its law, parameters, source and limits.
 
     The list includes effects of your own: files in the folder effects/, entry points turnscope.effects of installed
-    packages, and --effect. turnscope effects new ID writes a commented template for a new one.
+    packages, TURNSCOPE_EFFECTS, and --effect. turnscope effects new ID writes a commented template for a new one.
     """
     from evaluator.errors import InputError
     from evaluator.files import read_with
     from simulator.effects.catalogue import EFFECTS, nearest_effect
-    from simulator.own_effects.files import load_beside, load_installed, load_own
+    from simulator.own_effects.files import load_beside, load_installed, load_named, load_own
 
     if effect_id == "new":
         _write_new(new_id, out, python=python)
@@ -55,6 +55,7 @@ def effects(
     if new_id is not None or out is not None or python:
         raise InputError("a second ID, -o FILE and --python belong to turnscope effects new ID")
     load_installed()
+    load_named()
     load_beside(Path())
     for file in files:
         read_with(load_own, file)

@@ -56,7 +56,10 @@ def _faults(entry: EffectEntry) -> Iterator[str]:
         return
     if entry.id not in EFFECTS:
         near = nearest_effect(entry.id)
-        own = f"a user-defined effect is read from effects/{entry.id}.toml beside the robot file"
+        own = (
+            f"a user-defined effect is read from effects/{entry.id}.toml beside the robot file, or from a Python file "
+            "that the environment variable TURNSCOPE_EFFECTS names"
+        )
         yield f"unknown effect {entry.id}; " + (f"did you mean {near}? " if near else "") + own
         return
     parameters = {parameter.name: parameter for parameter in EFFECTS[entry.id].parameters}

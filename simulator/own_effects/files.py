@@ -18,7 +18,7 @@
     begin = 0.2                     # additional initial value of a fit, from an earlier fit
 
 Parameters are 0 by default, where the effect vanishes. Entry points of the group turnscope.effects also provide
-effects.
+effects. A Python file is executed only if the user names it: by an option, or in the variable TURNSCOPE_EFFECTS.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import math
+import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,6 +45,7 @@ from simulator.effects.view import View
 from simulator.errors import SimulationError
 
 FOLDER = "effects"  # beside an experiment or a robot file
+NAMED = "TURNSCOPE_EFFECTS"  # environment variable: files of effects, separated as in PATH
 GROUP = "turnscope.effects"
 ID_FORM = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _KEYS = ("format", "id", "name", "sentence", "law", "source", "limits", "term")
@@ -81,6 +83,11 @@ def load_beside(folder: Path) -> tuple[str, ...]:
     return tuple(load_own(path).id for path in sorted((folder / FOLDER).glob("*.toml")))
 
 
+def load_named() -> tuple[str, ...]:
+    """Load the files that the environment variable TURNSCOPE_EFFECTS names; returns the ids of their effects."""
+    return tuple(load_own(Path(name)).id for name in os.environ.get(NAMED, "").split(os.pathsep) if name)
+
+
 def load_installed() -> tuple[str, ...]:
     """Load effects of installed packages (entry points of the group turnscope.effects); returns their ids."""
     found = []
@@ -106,9 +113,20 @@ def is_built_in(effect: str) -> bool:
     return effect in BUILT_IN
 
 
+def is_own(effect: str) -> bool:
+    """Whether an effect is one of the user that has been loaded."""
+    return effect in OWN
+
+
 def file_of(effect: str) -> Path | None:
     """The file of an effect of the user; None for other effects."""
     return _sources.get(effect)
+
+
+def text_of(effect: str) -> str:
+    """What defines an effect of the user: the content of its file, or its id if an installed package provides it."""
+    source = file_of(effect)
+    return effect if source is None else source.read_text(encoding="utf-8")
 
 
 def _from_python(path: Path) -> Effect:

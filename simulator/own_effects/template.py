@@ -34,7 +34,8 @@ EXAMPLE = (
 
 PYTHON = '''"""An effect of your own in Python: it may do whatever those of simulator/effects do.
 
-It is run only where it is named: turnscope diagnose experiment.toml --effect {file}
+It is run only where you name it: turnscope diagnose experiment.toml --effect {file}, or, for every command, in the
+environment variable TURNSCOPE_EFFECTS.
 """
 
 from simulator.effects.definition import Effect, Values

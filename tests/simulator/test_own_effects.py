@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,19 @@ def test_a_python_file_is_an_effect_like_those_of_the_catalogue(tmp_path: Path) 
     path.write_text("raise ValueError('no')", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"running it failed \(ValueError: no\)"):
         load_own(path)
+
+
+def test_a_robot_file_takes_the_python_effect_that_the_environment_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = written(tmp_path, python_template("left-weaker", "left-weaker.py"), "left-weaker.py")
+    path = robot_file(tmp_path, 'id = "left-weaker"\nleft = 0.1')
+    with pytest.raises(ValueError, match="TURNSCOPE_EFFECTS"):
+        load_robot(path)
+    monkeypatch.setenv("TURNSCOPE_EFFECTS", os.pathsep.join([str(named), ""]))
+    command, same = Command.constant(30.0, 30.0, 0.5), Command.constant(33.0, 30.0, 0.5)
+    moved, plain = simulate(load_robot(path), command, TIMES_S), simulate(load_robot("barrel"), same, TIMES_S)
+    assert moved.heading_rad == pytest.approx(plain.heading_rad, abs=1e-9)
 
 
 @pytest.mark.parametrize(

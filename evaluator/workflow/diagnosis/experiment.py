@@ -26,6 +26,7 @@ from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.analysis import input_files, jobs_of, results_of
 from evaluator.workflow.diagnosis.validity import (
+    INSTALLED,
     is_current,
     keep,
     key_of_diagnosis,
@@ -36,7 +37,7 @@ from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.sharing import one_core
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
-from simulator.own_effects.files import file_of
+from simulator.own_effects.files import file_of, text_of
 
 REASONS_SHOWN = 3  # of runs without marks, in one sentence
 
@@ -120,11 +121,15 @@ def diagnose_experiment(
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     own = own_effect_ids(path, experiment, effects)
     read = AsFound.of([*input_files(experiment), *filter(None, map(file_of, own))])
-    key, robot = key_of_diagnosis(experiment, outputs, own), read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
+
+    def key_now() -> str:
+        return key_of_diagnosis(experiment, outputs, list(map(text_of, own)))
+
+    key, robot = key_now(), read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
-    if (changed := read.changed()) and key_of_diagnosis(experiment, outputs, own) != key:
+    if (changed := read.changed()) and key_now() != key:
         raise InputError(f"{changed[0]}: {CHANGED}")  # the key is not that of the content that was read
     try:
         with one_core():  # for libraries; the diagnosis distributes runs among threads
@@ -139,7 +144,7 @@ def diagnose_experiment(
         raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
     content = record(found)
     if own:
-        content["own_effects"] = {effect: str(file_of(effect) or "installed") for effect in own}
+        content["own_effects"] = {effect: str(file_of(effect) or INSTALLED) for effect in own}
     if changed := read.changed():
         content["changed_meanwhile"] = [str(file) for file in changed]
     files = _written(found, content, robot, outputs)

@@ -15,14 +15,16 @@ from evaluator.settings import Experiment
 from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, key_of
-from simulator.own_effects.files import file_of, load_beside, load_installed, load_own
+from simulator.own_effects.files import load_beside, load_installed, load_named, load_own, text_of
 
 STAGE = "diagnose"
+INSTALLED = "installed"  # in place of the file of an effect that a package provides
 
 
 def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str] = ()) -> str:
     """Hash of all inputs of a diagnosis: recordings, cameras, commands, robots, user-defined effects, code.
 
+    own: what defines the user-defined effects, see simulator.own_effects.files.text_of.
     Raises InputError for a robot that cannot be read.
     """
     runs = []
@@ -33,26 +35,23 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str
             runs.append([job.run.id, str(error)])
     text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
     known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
-    return key_of({"runs": runs, "robot": text, "known": known, "own": [_text_of(effect) for effect in own]})
+    return key_of({"runs": runs, "robot": text, "known": known, "own": list(own)})
 
 
 def own_effect_ids(path: Path, experiment: Experiment, named: Sequence[Path] = ()) -> tuple[str, ...]:
-    """Ids of user-defined effects: beside the experiment and its robots, of installed packages, and those named.
+    """Ids of user-defined effects: of installed packages, beside the experiment and its robots, and named.
 
-    They are registered in this process. Raises InputError, SimulationError for a file that is not an effect.
+    Files are named here and in TURNSCOPE_EFFECTS. The effects are registered in this process. Raises InputError,
+    SimulationError for a file that is not an effect.
     """
     robots = {run.robot or experiment.robot for run in experiment.run}
     folders = {
         Path(path).resolve().parent,
         *(Path(robot).resolve().parent for robot in robots if Path(robot).is_file()),
     }
-    found = [*load_installed(), *(effect for folder in sorted(folders) for effect in load_beside(folder))]
+    beside = [effect for folder in sorted(folders) for effect in load_beside(folder)]
+    found = [*load_installed(), *load_named(), *beside]
     return tuple(dict.fromkeys([*found, *(read_with(load_own, file).id for file in named)]))
-
-
-def _text_of(effect: str) -> str:
-    source = file_of(effect)
-    return effect if source is None else source.read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -72,9 +71,19 @@ def earlier_diagnosis(experiment: Experiment, outputs: Outputs) -> StoredDiagnos
         return None
     content = read_with(load_diagnosis, outputs.diagnosis)
     record = Record.load(outputs.diagnosis_record)
-    own = [load_own(Path(file)).id for file in content.get("own_effects", {}).values() if Path(file).is_file()]
+    own = [_text_now(effect, file) for effect, file in content.get("own_effects", {}).items()]
     outdated = STAGE in record.stages and record.fresh(STAGE, key_of_diagnosis(experiment, outputs, own)) is None
     return StoredDiagnosis(content, outdated)
+
+
+def _text_now(effect: str, file: str) -> str:
+    """What defines an effect of a stored diagnosis today; a Python file is not executed: the user has not named it."""
+    if file == INSTALLED:
+        return effect
+    path = Path(file)
+    if not path.is_file():
+        return ""
+    return text_of(load_own(path).id) if path.suffix == ".toml" else path.read_text(encoding="utf-8")
 
 
 def load_diagnosis(path: Path) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from typing import TypeVar
 
 from evaluator.workflow.execution.cluster import on_cluster
 from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.processes import in_processes
 from evaluator.workflow.execution.sharing import Waiting, nothing
+from simulator.own_effects.known import KnownEffects, with_effects
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -31,8 +33,11 @@ def answers_of(
     here. when_killed: answer for a job whose process dies every time. workers: processes, by default one per core; a
     single one works in this process; dask: address of a Dask scheduler whose workers are used instead. waiting: called
     every quarter of a second while no answer is ready. Leaving the block early, by an error or by Cancelled,
-    interrupts running jobs.
+    interrupts running jobs. Other processes load the user's effects that this one knows.
     """
+    known = KnownEffects.here()
+    if known != KnownEffects():
+        work = partial(with_effects, known, work)
     if dask is not None:
         answers = on_cluster(work, jobs, address=dask, when_killed=when_killed, waiting=waiting)
     else:

@@ -18,6 +18,7 @@ from evaluator.settings import MeasuredRobot, Run
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
+from simulator.own_effects.files import is_own, text_of
 from simulator.robot import Robot
 
 # Marks are placed on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
@@ -89,7 +90,10 @@ class Job:
         command["commands"] = file_hash(self.run.commands) if self.run.commands else None
         command["topics"] = self.run.topics.model_dump() if self.run.topics and self.run.commands else None
         turn = key_of({"track": track, "command": command, **_shape_of(self.robot)})
-        simulate = key_of({"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order})
+        inputs = {"turn": turn, "robot": self.robot.model_dump(mode="json"), "order": self.order}
+        entries = self.robot.effect if isinstance(self.robot, Robot) else ()
+        own = {entry.id: text_of(entry.id) for entry in entries if is_own(entry.id)}
+        simulate = key_of(inputs | ({"own": own} if own else {}))
         return {"track": track, "turn": turn, "simulate": simulate}
 
 
