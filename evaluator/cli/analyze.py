@@ -164,7 +164,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
                 name_of(row),
                 command_text(row["left_rpm"], row["right_rpm"]),
                 *radius(row),
-                number(row["speed_mm_s"], 3),
+                number(row[f"{only_mark(row)}speed_mm_s"], 3),
             ]
             rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
@@ -196,10 +196,19 @@ def name_of(row: Mapping[Hashable, Any]) -> str:
     return f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
 
 
+def only_mark(row: Mapping[Hashable, Any]) -> str:
+    """NAME_ of the only mark of a robot, whose path is measured in place of the robot's centre; else empty."""
+    ending = "radius_status"
+    names = [str(name).removesuffix(ending) for name in row if str(name).endswith(f"_{ending}")]
+    return next((name for name in names if isinstance(row[f"{name}{ending}"], str)), "")
+
+
 def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
-    """Radius of a row of turning.csv and its interval; a word if it has none."""
-    low, high = row["radius_low_mm"], row["radius_high_mm"]
-    if math.isfinite(row["radius_mm"]) and abs(row["turned_deg"]) > 1:  # a smaller turn looks straight
-        return f"{row['radius_mm']:.3f}", f"{low:.3f} to {high:.3f}"
-    straight = math.isfinite(row["radius_mm"]) or str(row["radius_status"]).startswith("straight")
+    """Radius of a row of turning.csv and its interval; a word if it has none. A single mark is named."""
+    mark = only_mark(row)
+    of = f" ({mark.removesuffix('_')})" if mark else ""
+    value, low, high = (row[f"{mark}radius_{end}"] for end in ("mm", "low_mm", "high_mm"))
+    if math.isfinite(value) and abs(row[f"{mark}turned_deg"]) > 1:  # a smaller turn looks straight
+        return f"{value:.3f}{of}", f"{low:.3f} to {high:.3f}"
+    straight = math.isfinite(value) or str(row[f"{mark}radius_status"]).startswith("straight")
     return "straight" if straight else "–", ""

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.frames import plate_from_body
+from evaluator.cli.analyze import turning_text
 from evaluator.cli.turning import turning
 from evaluator.diagnosis.experiment import session_of
 from evaluator.errors import InputError
@@ -18,7 +19,7 @@ from evaluator.pose import poses_from_marks
 from evaluator.robot_geometry import reference_marks
 from evaluator.settings import load_experiment
 from evaluator.turning import measure_turning
-from evaluator.workflow import analyze
+from evaluator.workflow import analyze, circular_test_of
 from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot, shipped_robot_text
@@ -159,8 +160,12 @@ def experiment_of_one_mark(folder: Path, circling: np.ndarray) -> Path:
 
 def test_run_of_one_mark_gives_its_path_and_says_that_there_is_no_heading(tmp_path: Path, circling: np.ndarray) -> None:
     experiment = experiment_of_one_mark(tmp_path, circling)
-    (row,) = analyze(experiment, tmp_path / "out", workers=1).turning.to_dict("records")
+    found = analyze(experiment, tmp_path / "out", workers=1)
+    (row,) = found.turning.to_dict("records")
     radius = FRONT_MM
+    assert f"{row['top_radius_mm']:.3f} (top)" in turning_text(found, verbose=False)
+    with pytest.raises(InputError, match="a circular test needs the yaw rate"):
+        circular_test_of(found, load_robot(tmp_path / "robot.toml"))
     assert row["top_radius_low_mm"] < radius < row["top_radius_high_mm"]
     assert row["top_speed_mm_s"] == pytest.approx(radius * np.radians(300) / (599 / 60), rel=1e-3)
     assert np.isnan(row["radius_mm"])

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from evaluator.errors import InputError
 from evaluator.files import write_text
 from evaluator.files.csv_tables import write_table
+from evaluator.pose import NO_HEADING
 from evaluator.progress import Progress, no_progress
 from evaluator.turning.circular_test import CircularTest, Series, circular_test
 from evaluator.workflow.analysis import Analysis, analyze
@@ -61,6 +63,8 @@ def circular_test_of(analysis: Analysis, robot: Robot) -> CircularResult:
     Raises InputError if there is no turn.
     """
     turns = analysis.turning
+    if turns["radius_status"].astype(str).str.startswith(NO_HEADING).all():
+        raise InputError(f"{NO_HEADING}; a circular test needs the yaw rate and sideslip, and so two marks or poses")
     right = turns[~turns["run"].isin([*analysis.excluded_runs, *analysis.faults])]
     measured = circular_test(right, _wheelbase(robot), robot.track_mm)
     return CircularResult(measured, _simulated(robot, measured.points, measured))
