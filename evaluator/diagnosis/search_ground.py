@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from evaluator.diagnosis.assessment.cross_validation import mean_gain
 from evaluator.diagnosis.assessment.model_comparison import Set, is_free, score
 from evaluator.diagnosis.assessment.verdict import carries_over
 from evaluator.diagnosis.inference.fit import fit_model
@@ -126,15 +127,32 @@ def _extend_once(search: Search, ids: Set, additions: int = ADDITIONS_REFITTED) 
 def _ranked(search: Search, families: int) -> list[Set]:
     """Fitted sets, most probable first; sets that cannot be the answer last.
 
-    These have an effect at a bound, or one that does not improve the prediction of left-out commands. If the noise was
-    estimated with an overfitted model, such effects are more probable than true ones.
+    These are less probable than the null, or have an effect at a bound or one that does not improve the prediction of
+    left-out commands. If the noise was estimated with an overfitted model, such effects are more probable than true
+    ones. Before the null come sets that improve this prediction on average, though not significantly, because the
+    noise of the null hides effects: of eight steps of a Warthog on sand, a limit of acceleration improved it by a
+    factor of 1.8 on average; with the noise of this set it was significant.
     """
+    of_null = score(search, frozenset(), families)
 
-    def key(ids: Set) -> tuple[bool, float]:
-        no_answer = bool(search.fits[ids].at_bounds) or not carries_over(search, ids)
-        return no_answer, -score(search, ids, families)
+    def key(ids: Set) -> tuple[int, float]:
+        own = score(search, ids, families)
+        if not ids:
+            return 2, -own
+        if search.fits[ids].at_bounds or own <= of_null:
+            return 3, -own
+        if carries_over(search, ids):
+            return 0, -own
+        return 1 if _helps(search, ids) else 3, -own
 
     return sorted(search.fits, key=key)
+
+
+def _helps(search: Search, ids: Set) -> bool:
+    """Whether a set predicts left-out commands better on average than the null and than itself without one effect."""
+    known = {ids - {effect} for effect in ids} & search.fits.keys() | {frozenset[str]()}
+    fit, data = search.fits[ids], search.problem.data
+    return all(mean_gain(fit, search.fits[other], data, search.tolerance) > 0 for other in known)
 
 
 def _afford(search: Search) -> None:

@@ -96,14 +96,20 @@ def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
     assert len(asked) == len(set(asked))  # each once: a view of all candidates is dear
 
 
-def test_a_set_with_an_effect_that_harms_as_many_commands_as_it_helps_leads_nothing(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("gain", [0.1, -0.1])
+def test_a_set_with_an_effect_that_does_not_help_significantly_comes_before_the_null_where_it_helps_on_average(
+    gain: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, _ = search_of(monkeypatch)
+    search.problem = cast("Any", SimpleNamespace(open_ground=True, data=()))
     monkeypatch.setattr(search_ground, "carries_over", lambda _, ids: "proxy" not in ids)
+    monkeypatch.setattr(search_ground, "mean_gain", lambda *_: gain)
     for ids in EVIDENCE:
         search.fits[ids] = fit_of(ids)
-    assert search_ground._ranked(search, 95)[:3] == [{"lag", FORM}, {FORM}, {"lag"}]
+    nothing = frozenset[str]()
+    weak = [{"lag", "proxy", FORM}, {"proxy", FORM}, {"lag", "proxy"}, {"proxy"}]
+    following = [*weak, nothing] if gain > 0 else [nothing, *weak]
+    assert search_ground._ranked(search, 95) == [{"lag", FORM}, {FORM}, {"lag"}, *following]
 
 
 def test_what_leads_goes_on_under_another_noise_and_a_set_without_a_form_with_it(
