@@ -111,7 +111,7 @@ def _tightest(turning: Sequence[RunView]) -> str:
     text = f"The tightest turn has a radius of {_radius(best)} (95 %: {_interval(best)}; run {best.id}, {best.command})"
     if widest is best:
         return f"{text}."
-    radius = f"{widest.value('radius_mm') / widest.unit.mm:.1f} {widest.unit.name}"
+    radius = f"{significant(widest.value('radius_mm') / widest.unit.mm)} {widest.unit.name}"
     return f"{text}; the widest {radius} (run {widest.id}, {widest.command})."
 
 

@@ -30,6 +30,8 @@ def test_the_tightest_and_the_widest_turn_are_told_with_their_intervals() -> Non
     runs = [turned("wide", 20.0), turned("tight", 8.1234, half=0.03), turned("straight", 1.0, turned_deg=0.9)]
     assert "radius of 8.12 mm (95 %: 8.09 to 8.15 mm; run tight, 30 / 20 rpm)" in said(runs)
     assert "the widest 20.0 mm (run wide, 30 / 20 rpm)." in said(runs)
+    large = [replace(turned(name, radius), unit=METRES) for name, radius in (("near", 1583.0), ("far", 1624.0))]
+    assert "the widest 1.62 m (run far, 30 / 20 rpm)." in said(large)
     assert "widest" not in said(runs[1:])
     assert "(95 %: 8.10 mm to straight; run" in said([turned("open", 9.0, radius_low_mm=8.1, radius_high_mm=inf)])
     assert "No run turns" in said(runs[2:])
