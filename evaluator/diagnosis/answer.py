@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy, step_in_speed
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
+from evaluator.diagnosis.assessment.gap import beyond_noise
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
@@ -56,7 +57,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     constant = constancy(search.fits[named], session.data, search.tolerance)
     reserve = ""
     if verdict != "unknown":
-        reserve = doubts(left, constant) or step_in_speed(search.fits[chosen], left, session.data)
+        material = beyond_noise(search.problem, search.fits[chosen]) > session.relevant.path_noise_floors
+        reserve = doubts(left, constant, material=material)
+        reserve = reserve or step_in_speed(search.fits[chosen], left, session.data)
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
         reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evaluator.comparison import simulated_poses, trajectory_gap
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
@@ -170,16 +171,29 @@ def _wander(problem: Problem, runs: Sequence[int]) -> Floats:
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
     """RMS distance of the midpoint due to noise of tracking and ground and the precision of the model, by run, mm."""
+    ground = _wander(problem, runs) ** 2 + (problem.length * MODEL_FLOOR_MM) ** 2
+    return np.asarray(np.sqrt(np.sum(_noise_mm(problem, runs)[:, :2] ** 2, axis=1) + ground))
+
+
+def _noise_mm(problem: Problem, runs: Sequence[int]) -> Floats:
+    """RMS noise of tracking by run and channel (n, 3): x, y, direction times half the distance of the marks, mm."""
     # on open ground drift is defined as the residual about the best start pose
     spans_s = [0.0 if problem.open_ground else float(np.ptp(problem.data[run].time_s)) for run in runs]
-    noise = np.array(
+    return np.array(
         [
-            [part.about_mean_mm(span) if span else part.sigma_mm for part in problem.noise[run][:2]]
+            [part.about_mean_mm(span) if span else part.sigma_mm for part in problem.noise[run][:3]]
             for run, span in zip(runs, spans_s, strict=True)
         ]
     )
-    wander = _wander(problem, runs)
-    return np.asarray(np.sqrt(np.sum(noise**2, axis=1) + wander**2 + (problem.length * MODEL_FLOOR_MM) ** 2))
+
+
+def beyond_noise(problem: Problem, fit: Fit) -> float:
+    """RMS distance of the marks beyond noise with a fit, over all its runs together, in noise floors."""
+    runs = fit.runs
+    residuals = problem.residuals([fit.point.task(run) for run in runs])
+    left_mm2 = np.array([np.nanmean(np.sum(item[:, :3] ** 2, axis=1)) for item in residuals])
+    noise_mm2 = np.sum(_noise_mm(problem, runs) ** 2, axis=1) + _wander(problem, runs) ** 2
+    return float(np.sqrt(max(0.0, np.sum(left_mm2 - noise_mm2)) / np.sum(noise_mm2)))
 
 
 def rms(values: Floats, runs: Sequence[int]) -> float:

@@ -30,6 +30,7 @@ def answered(
     few: str = "",
     finding: bool = False,
     on_ground: bool = False,
+    beyond: float = 0.6,
     asked: dict[str, Any] | None = None,
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
@@ -53,6 +54,9 @@ def answered(
         asked["constancy"] = fit
         return ["constant"]
 
+    def doubts(_: Any, halves: list[str], *, material: bool) -> str:
+        return "not asked of the halves" if halves != ["constant"] else reserve if material else "too little"
+
     parts: dict[str, Any] = {
         "rank_named": lambda *_: (table, A),
         "decide": decide,
@@ -61,7 +65,8 @@ def answered(
         "changes": lambda _, __, effect: (changes or {}).get(effect, LARGE),
         "adequacy": adequate,
         "constancy": constant,
-        "doubts": lambda _, constancy: reserve if constancy == ["constant"] else "not asked of the halves",
+        "beyond_noise": lambda *_: beyond,
+        "doubts": doubts,
         "step_in_speed": lambda *_: step,
         "too_few_runs": lambda *_: few,
         "knowledge": lambda *_: (SimpleNamespace(is_finding=finding),),
@@ -101,6 +106,14 @@ def test_an_effect_that_keeps_values_within_tolerances_is_named(monkeypatch: pyt
     found = answered(monkeypatch, (NONE, "none"), wider=A)
     assert (found.verdict, found.chosen) == ("effect", A)
     assert found.reason == "a is needed to keep values within three tolerances"
+
+
+@pytest.mark.parametrize(("beyond", "reason"), [(0.49, "too little"), (0.51, "residuals")])
+def test_residuals_are_a_reserve_where_they_move_the_marks_by_what_matters(
+    beyond: float, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of the noise floor, unless the user says otherwise."""
+    assert answered(monkeypatch, (NONE, "none"), reserve="residuals", beyond=beyond).reason == reason
 
 
 @pytest.mark.parametrize(("reserve", "step"), [("residuals", ""), ("", "a step")])

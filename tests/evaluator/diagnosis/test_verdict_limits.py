@@ -11,7 +11,7 @@ from scipy import optimize, stats
 
 from evaluator.diagnosis.assessment import cross_validation
 from evaluator.diagnosis.assessment.adequacy import unlike_runs
-from evaluator.diagnosis.assessment.gap import Gap, not_shrunk
+from evaluator.diagnosis.assessment.gap import Gap, beyond_noise, not_shrunk
 from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.sole_run import sole_gains
 from evaluator.diagnosis.assessment.verdict import material_gain
@@ -50,6 +50,27 @@ def test_a_gap_of_held_out_runs_has_to_shrink_where_it_is_two_and_a_half_times_t
 ) -> None:
     gap = Gap(np.array([9.0, before]), np.array([1.0, before]), np.ones(2), np.ones(2), np.ones(2))
     assert bool(not_shrunk(gap, [1])) == contradicted
+
+
+@pytest.mark.parametrize(
+    ("off_mm", "wander_mm", "floors"), [(0.0, 0.0, 0.0), (6.0, 0.0, 0.980), (6.0, 4.0, 0.696), (6.0, 8.0, 0.0)]
+)
+def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
+    off_mm: float, wander_mm: float, floors: float
+) -> None:
+    """Two runs with noise of 3, 4 and 5 mm along x, y and the direction; one of them is off in its direction."""
+    noise = [SimpleNamespace(sigma_mm=sigma) for sigma in (3.0, 4.0, 5.0, 1.0)]
+    rows = np.array([[3.0, 4.0, 5.0, 90.0], [-3.0, np.nan, 0.0, 0.0], [3.0, -4.0, -5.0, 90.0]])
+    runs = [rows, rows.copy()]
+    runs[1][:, 2] = [-off_mm - 5.0, 0.0, off_mm + 5.0]  # the mark that is missing between them counts nowhere
+    problem: Any = SimpleNamespace(
+        open_ground=True,
+        noise=[noise, noise],
+        residuals=lambda tasks: [runs[task] for task in tasks],
+        compressions=[SimpleNamespace(wander_mm=wander_mm)] * 2,
+    )
+    fit: Any = SimpleNamespace(runs=(0, 1), point=SimpleNamespace(task=lambda run: run))
+    assert beyond_noise(problem, fit) == pytest.approx(floors, abs=1e-3)
 
 
 @pytest.mark.parametrize(("value", "better"), [(2.30, False), (2.40, True)])

@@ -240,6 +240,8 @@ def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() 
     assert doubts(left(), []) == ""
     assert doubts(left(1.11, 9.0), []) == doubts(left(1.5, 4.9), []) == ""
     assert doubts(left(1.13, 5.1), []) == "residuals are 1.13 times the tracking noise (5 sigmas)"
+    assert doubts(left(1.13, 5.1), [], material=False) == ""
+    assert "depends on order" in doubts(left(1.13, 5.1, order_p=9e-4), [], material=False)
 
 
 def test_dependence_and_inconstancy_are_doubted_below_one_in_a_thousand() -> None:
