@@ -32,6 +32,9 @@ MOST_SWEEPS = 12
 # Over shorter steps the rate of the velocity, a difference between points, is too large for sweeps to converge.
 SHORTEST_COLLOCATION_S = 5e-3
 LEAST_GAIN = 0.5  # least reduction of the residual by a sweep; slower convergence does not pay
+# Change by the first sweep, as a share of the velocity, from which on the velocity is found point by point, and the
+# Newton steps of a point.
+FAR_SHARE, MARCHED = 0.05, 3
 # As displacements over the tolerance: the residual at which sweeps stop, and the last coefficients of a step that is
 # accepted.
 SWEPT_SHARE, CUT_SHARE = 0.02, 0.5
@@ -79,6 +82,30 @@ def _guess(time: float, length: float, model: Any, work: Any) -> None:
             work.table[U + row, point] = share * work.y[3 + row]
             for column in range(3):
                 work.inverses[point, row, column] = share * work.inverse[row, column]
+
+
+@compiled()
+def _march(time: float, length: float, model: Any, work: Any) -> None:
+    """Velocities at the points, each by Newton steps from the previous point, without the inertia of their change.
+
+    For forces that change much within a step: with the run-out of a wheel the first guess is off by its amplitude, and
+    sweeps from there do not converge over more than a twentieth of a revolution.
+    """
+    table, bent = work.table, work.bent
+    for point in range(1, POINTS):
+        at, heading, inverse = time + SHARES[point] * length, table[HEADING, point], work.inverses[point]
+        place = (table[X, point], table[Y, point], math.cos(heading), math.sin(heading), at)
+        drive = drive_at(work.segment, at, model.lag)
+        for row in range(3):
+            table[U + row, point] = table[U + row, point - 1]
+        for _ in range(MARCHED):
+            u, v, r = table[U, point], table[U + 1, point], table[U + 2, point]
+            slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, bent)
+            if not invert3(bent[1:4], inverse):
+                return
+            for row in range(3):
+                for column in range(3):
+                    table[U + row, point] -= inverse[row, column] * bent[0, column]
 
 
 @compiled()
@@ -162,6 +189,12 @@ def _stays(end: float, tolerance: float, model: Any, work: Any) -> bool:
 
 
 @compiled()
+def _speed(work: Any) -> float:
+    """Size of the velocity at the start of a step, mm/s."""
+    return float(abs(work.y[3]) + abs(work.y[4]) + LEVER_MM * abs(work.y[5]))
+
+
+@compiled()
 def collocate(time: float, length: float, tolerance: float, model: Any, work: Any) -> tuple[bool, float]:
     """Fill the table for a step from work.y at twist 0; returns whether it is accurate, and the next length to try.
 
@@ -173,9 +206,12 @@ def collocate(time: float, length: float, tolerance: float, model: Any, work: An
         follow(length, work)
         change = sweep(time, length, used > 0 and model.wheels_vary_with_velocity == 0, model, work)
         used += 1
+        if used == 1 and change > FAR_SHARE * _speed(work) and model.wheels_vary_with_velocity == 0:
+            _march(time, length, model, work)
+            continue
         if not change <= LEAST_GAIN * before or cut_off(length, work.table) > 100.0 * CUT_SHARE * tolerance:
             return False, 0.3 * length
-        if used > 1 and change * change <= enough * before:
+        if before < math.inf and change * change <= enough * before:
             break
         before = change
     follow(length, work)
