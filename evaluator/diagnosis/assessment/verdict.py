@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Literal
@@ -32,6 +33,8 @@ Verdict = Literal["none", "effect", "unknown", "insufficient"]
 # effect, on a plate without gradient, 900 to 1 (6.8). An effect that is significant by five sigmas gains about nine.
 # Several named effects together can imitate physics outside the catalogue, so sets of three must gain more.
 KEEP = (8.0, 8.0, 8.0, 12.0)
+# Log odds, three to one, below which sets as large are not distinguished.
+TIE = math.log(3.0)
 # An effect that explains otherwise significant deviations of known values needs only this much, odds of 400 to 1,
 # because the model is then known to be incomplete.
 RELIEVING = 6.0
@@ -141,9 +144,15 @@ def _strains(search: Search, ids: Set) -> bool:
 
 
 def best_named(search: Search, table: Standing, families: int) -> Set:
-    """The best set of named effects in which each effect is significant."""
+    """The best set of named effects in which each effect is significant; of those that tie, the one that states least.
+
+    A spring of a wire whose anchor is far away pulls like a plate that is not level, with a parameter more.
+    """
     named = (ids for ids in table.sets if not any(map(is_free, ids)))
-    return next(ids for ids in named if pays(search, table, families, ids))
+    best = next(ids for ids in named if pays(search, table, families, ids))
+    tied = [best, *itertools.takewhile(lambda ids: table.of(best) - table.of(ids) < TIE, named)]
+    as_large = [ids for ids in tied if len(ids) == len(best) and (ids == best or pays(search, table, families, ids))]
+    return min(as_large, key=lambda ids: sum(search.terms[effect].size for effect in ids))
 
 
 def decide(

@@ -27,16 +27,18 @@ def ranked(
     on_ground: bool = False,
     at_bound: Iterable[Set] = (),
     sigmas: Mapping[Set, Mapping[str, float]] | None = None,
+    sizes: Mapping[str, int] | None = None,
 ) -> tuple[Search, Standing]:
     """A search whose fits have these scores, and its ranking.
 
     at_bound: sets with an effect at a bound. sigmas: by set, values known to a tolerance that its fit moves, in
-    tolerances. Every free-form term has one coefficient of size 1.
+    tolerances. sizes: number of parameters of effects with several. Every free-form term has one coefficient of size 1.
     """
     moved = sigmas or {}
     fits: Any = {ids: _fit(ids, moved.get(ids, {}), at_bound=ids in set(at_bound)) for ids in scores}
     keys = dict.fromkeys(key for values in moved.values() for key in values)
-    terms: Any = dict.fromkeys(sorted({effect for ids in scores for effect in ids}))
+    effects = sorted({effect for ids in scores for effect in ids})
+    terms: Any = {effect: SimpleNamespace(size=(sizes or {}).get(effect, 1)) for effect in effects}
     problem: Any = SimpleNamespace(open_ground=on_ground, data=())
     search = Search(problem, terms, dict.fromkeys(keys, TOLERANCE), (), fits)
     for ids, wanted in scores.items():

@@ -127,6 +127,20 @@ def test_a_set_predicts_by_four_and_by_two_standard_errors(
     assert decide(search, table, 95, AB)[1] == ("unknown" if better else "effect")
 
 
+@pytest.mark.parametrize(
+    ("below", "size", "named"),
+    [(1.05, 3, B), (1.15, 3, A), (1.05, 2, A)],
+    ids=["fewer parameters at three to one", "beyond", "as many"],
+)
+def test_of_sets_that_tie_the_one_with_fewer_parameters_is_named(
+    below: float, size: int, named: frozenset[str]
+) -> None:
+    """A spring with a far anchor, a, and a plate that is not level, b."""
+    scores = {A: 30.0, B: 30.0 - below, NONE: 0.0}
+    assert best_named(*ranked(scores, sizes={"a": size, "b": 2}), 95) == named
+    assert best_named(*ranked(scores | {B: 29.9}, sizes={"a": 3}, at_bound=[B]), 95) == A
+
+
 def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_odds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
