@@ -37,6 +37,7 @@ LATE_SPREADS = 6.0  # times the scatter of the starts in the session
 # Time in which small motors follow a command. If the file leaves start_s out, a delay of all runs up to this time is
 # left to the diagnosis; a longer one is a forgotten start.
 MOTORS_S = 0.3
+SLOWEST_S = 1.0  # if the file states start_s: a drive of a metre that follows half of its command after 0.65 s is slow
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
@@ -106,18 +107,18 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
     # a delay common to all runs, of the motors or of the clock, is left to the diagnosis
     usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
-    forgotten = {run.id for run in data if not run.start_is_stated and usual > MOTORS_S}
+    no_lag = {run.id for run in data if usual > (SLOWEST_S if run.start_is_stated else MOTORS_S)}
     for run in data:
         if run.id not in late:
             continue
         begins = late[run.id]
-        later_s = begins.time_s - (0.0 if run.id in forgotten else usual)
-        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, 0.0 if run.id in forgotten else LATE_SPREADS * spread)
+        later_s = begins.time_s - (0.0 if run.id in no_lag else usual)
+        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, 0.0 if run.id in no_lag else LATE_SPREADS * spread)
         if abs(later_s) > least_s:
             at_s = run.start_s + later_s
             words = f"{abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} than start_s says"
             remedy = f"set start_s = {at_s:.2f}"
-            if run.id in forgotten:
+            if run.id in no_lag and not run.start_is_stated:
                 words = f"and start_s, which is not given, counts as {run.start_s:g}"
                 remedy += f", or write start_s = {run.start_s:g} if the motors were switched on then"
             seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
@@ -176,16 +177,20 @@ def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
 
 def _stands(run: RunData, robot: Robot) -> bool:
     """Whether a run with its motors on hardly moves compared with the path that its wheels would roll."""
+    return way_over_rolled(run, robot) < STANDS_SHARE
+
+
+def way_over_rolled(run: RunData, robot: Robot) -> float:
+    """How far a run gets from its first place, over the path that its faster wheels would roll; infinite at rest."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
     faster = _faster_rpm(run)
     if seconds <= 0 or not faster:
-        return False
+        return np.inf
     rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
     off = seen - seen[0]
-    way = float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95))
-    return way < STANDS_SHARE * rolled
+    return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95)) / rolled
 
 
 def _slower_ones_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:

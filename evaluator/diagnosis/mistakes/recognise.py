@@ -8,8 +8,8 @@ from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.hypotheses import misread_runs
-from evaluator.diagnosis.mistakes.lost_frames import runs_with_lost_frames
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
@@ -23,6 +23,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     """
     same = copies(data)
     found = list(same)
+    found += _of_the_rest(wrong_seconds, data, robots, found)
     found += _of_the_rest(wrong_scale, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)

@@ -98,6 +98,13 @@ def test_a_lag_of_all_runs_is_no_late_start_and_a_start_after_the_end_is() -> No
     assert "after the end of the recording (0.00 to 2.98 s)" in found[0].seen
 
 
+@pytest.mark.parametrize(("late_s", "told"), [(0.9, False), (1.1, True)])
+def test_starts_that_all_are_late_by_more_than_motors_take_are_told(late_s: float, told: bool) -> None:
+    found = late_starts([driven(number, start_s=0.2, begins_s=0.2 + late_s) for number in range(8)], [ROBOT] * 8)
+    assert kinds(found) == [(f"r{number}", "late-start") for number in range(8 * told)]
+    assert all("later than start_s says" in item.seen for item in found)
+
+
 @pytest.mark.parametrize(("late_s", "told"), [(0.25, False), (0.35, True)])
 def test_starts_that_the_file_leaves_out_are_said_to_be_late_though_all_are(late_s: float, told: bool) -> None:
     runs = [driven(number, start_s=0.5, begins_s=0.5 + late_s) for number in range(8)]

@@ -1,25 +1,31 @@
-"""Frames that a recorder lost without a gap in the times of the file: from there on the motion is ahead of its command.
+"""What is wrong with the times of frames: another unit, frame numbers, and frames that were lost without a gap.
 
-At such a place the robot advances by whole frames of its motion at once, along its path and in heading alike. No force
-moves a robot so, and a camera or robot that is displaced does not move it by exactly what it drives in a whole frame.
+Where a recorder lost frames while the times of the file count on, the robot advances by whole frames of its motion at
+once, along its path and in heading alike. No force moves a robot so, and a camera or robot that is displaced does not
+move it by exactly what it drives in a whole frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.disturbances import way_over_rolled
 from evaluator.diagnosis.mistakes.motion import arm_mm, midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
+# Longest time between two frames of a video that is read as seconds; and of true seconds, for other units.
+LONGEST_FRAME_S, USUAL_FRAME_S = 0.9, (5e-4, 0.25)
+SLOW_SHARE = 0.2  # of the path that the wheels would roll: at five frames a second or more, frame numbers are slower
+UNITS_S = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 AROUND_S = 0.3  # on either side of a place; a cubic follows the ripple of a wheel that turns once a second
 FEWEST = 8  # frames on either side
 # Standard errors of an advance by whole frames. Without lost frames, the largest of 1394 untidy runs of 600 places each
@@ -31,6 +37,7 @@ MOST_AT_ONCE = 8  # frames; more at once are a jump
 REGULAR = 0.1  # largest deviation, in frames, of times that count frames; stamps of a driver scatter more
 OUTLIER = 6.0  # scatters of a frame about the middle of its neighbours, beyond which it is omitted
 ALONE = 1.5  # times the deviation of a neighbour from its own neighbours: 2 for an outlier, 1 for a step
+UNSTEADY = 0.5  # largest change of the speed within half a window, as a share; a ripple of 20 % changes it by less
 SETTLED_S = 0.5  # after a start and before a stop of the motors, when the speed changes within a frame
 
 
@@ -41,6 +48,28 @@ class Loss:
     time_s: float
     frames: int
     missing_s: float
+
+
+def wrong_seconds(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """Runs whose times are in another unit than seconds, or are the numbers of the frames.
+
+    Their frames are seconds apart, and the robot hardly gets anywhere in that time.
+    """
+    found, (low, high) = [], USUAL_FRAME_S
+    for run, robot in zip(data, robots, strict=True):
+        step = float(np.median(np.diff(run.time_s))) if len(run.time_s) > FEWEST else 0.0
+        whole = replace(run, start_s=float(run.time_s[0]), stop_s=None)  # start and stop may be in seconds
+        if step < LONGEST_FRAME_S or way_over_rolled(whole, robot) > SLOW_SHARE:
+            continue
+        seen = f"its frames are {step:.4g} s apart, in which its wheels would roll far"
+        if step < 1 + REGULAR and np.abs(run.time_s - np.rint(run.time_s)).max() < REGULAR:
+            remedy = "its times seem to be frame numbers: divide them by the frame rate"
+            found.append(Found(run.id, "wrong-unit", seen, remedy))
+            continue
+        for unit, factor in [item for item in UNITS_S.items() if low < step * item[1] < high][:1]:
+            remedy = f"its times seem to be in {unit}: convert them to seconds"
+            found.append(Found(run.id, "wrong-unit", seen, remedy, correction=Correction(seconds_times=factor)))
+    return found
 
 
 def runs_with_lost_frames(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -137,6 +166,9 @@ def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Flo
     scatter = np.sqrt(np.einsum("nck,nck->n", left, left) / (3 * degrees))
     speed, step = fit[:, :, 1] / around, fit[:, :, 4]
     square = np.maximum(np.einsum("nc,nc->n", speed, speed), 1e-300)
+    for at_share in (-0.5, 0.5):  # a robot that starts or stops there is not ahead
+        beside = (fit[:, :, 1] + 2 * at_share * fit[:, :, 2] + 3 * at_share**2 * fit[:, :, 3]) / around
+        enough &= np.abs(np.einsum("nc,nc->n", beside, speed) / square - 1) < UNSTEADY
     advance = np.einsum("nc,nc->n", step, speed) / square
     sigma = scatter * np.sqrt(inverse[:, 4, 4] / square)
     advance[~enough] = np.nan

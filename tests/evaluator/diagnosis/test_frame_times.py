@@ -1,4 +1,4 @@
-"""Frames that a recorder lost while its times count on, in synthetic turns with noise."""
+"""Times of frames: other units, frame numbers, and frames that a recorder lost, in synthetic turns with noise."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import Floats, RunData
-from evaluator.diagnosis.mistakes.lost_frames import advances, frame_numbers, lost_frames, runs_with_lost_frames
+from evaluator.diagnosis.mistakes.frame_times import (
+    advances,
+    frame_numbers,
+    lost_frames,
+    runs_with_lost_frames,
+    wrong_seconds,
+)
 from evaluator.workflow.editing.mending import mended_marks
+from simulator.robot import load_robot
 from tests.evaluator.diagnosis.marks_of_motion import RATE, moving
 
 LONG = np.arange(420) / RATE
@@ -24,6 +31,30 @@ def losing(
     marks = moving(LONG + ahead / RATE, speed, 0.2 * speed)
     marks += noise_mm * np.random.default_rng(seed).normal(size=marks.shape)
     return RunData(name, 30.0, 20.0, 0.0, None, LONG, marks, 0)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said", "correction"),
+    [
+        (1e3, "in milliseconds", 1e-3),
+        (1e6, "in microseconds", 1e-6),
+        (1e9, "in nanoseconds", 1e-9),
+        (60.0, "frame numbers", None),
+        (1.0, None, None),
+        (10.0, None, None),  # six frames a second
+        (50.0, None, None),  # a frame in 0.83 s
+    ],
+)
+def test_times_in_another_unit_are_told(factor: float, said: str | None, correction: float | None) -> None:
+    run = replace(losing({}), time_s=LONG * factor)
+    found = wrong_seconds([run], [load_robot("barrel")])
+    assert bool(found) == (said is not None)
+    for item in found:
+        assert item.kind == "wrong-unit"
+        assert said in item.remedy
+        assert (item.correction and item.correction.seconds_times) == correction
+    slow = replace(run, left_rpm=0.02, right_rpm=0.01)  # a frame a second of a robot as slow as that
+    assert wrong_seconds([slow], [load_robot("barrel")]) == [] or factor > 100
 
 
 def test_lost_frames_are_found_where_they_are_and_in_their_number() -> None:
