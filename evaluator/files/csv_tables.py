@@ -46,6 +46,11 @@ def numbers_of(column: pd.Series) -> pd.Series:
         return pd.to_numeric(column.map(str), errors="coerce")
 
 
+def read_runs(path: Path) -> pd.DataFrame:
+    """Read a table about runs: ids and groups are text, also "01", and an id such as "null" is no empty cell."""
+    return pd.read_csv(path, dtype={"run": str, "group": str}, keep_default_na=False, na_values=[""])
+
+
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as CSV, completely or not at all: nine significant digits, NaN as an empty cell."""
     with written_whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluator.files import csv_tables as module
-from evaluator.files.csv_tables import csv_text
+from evaluator.files.csv_tables import csv_text, read_runs, write_table
 
 
 def of_pandas(table: pd.DataFrame) -> str:
@@ -56,3 +57,14 @@ def test_a_long_table_is_written_in_pieces_and_each_row_once(monkeypatch: pytest
     pieces = list(csv_text(table))
     assert len(pieces) == 4
     assert "".join(pieces) == of_pandas(table)
+
+
+@pytest.mark.parametrize("name", ["01", "1e5", "null", "NA", "nan"])
+def test_ids_of_runs_that_look_like_numbers_or_like_nothing_are_read_as_they_were_written(
+    name: str, tmp_path: Path
+) -> None:
+    write_table(pd.DataFrame({"run": [name], "radius_mm": [np.nan], "group": ["01"]}), tmp_path / "turning.csv")
+    read = read_runs(tmp_path / "turning.csv")
+    assert read["run"].tolist() == [name]
+    assert read["radius_mm"].isna().all()
+    assert read["group"].tolist() == ["01"]

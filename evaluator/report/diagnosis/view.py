@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.files.csv_tables import read_runs
 from evaluator.settings import Experiment
 from evaluator.workflow.diagnosis.validity import earlier_diagnosis
 from evaluator.workflow.results.outputs import Outputs
@@ -34,7 +35,7 @@ def known_diagnosis(experiment: Experiment, outputs: Outputs) -> DiagnosisView |
 def _pieces(path: Path) -> pd.DataFrame | None:
     """Pieces of the runs; None without a file or for a file in another format."""
     try:
-        table = pd.read_csv(path, dtype={"run": str})
+        table = read_runs(path)
     except (OSError, ValueError):
         return None
     needed = {*COLUMNS, *(f"after_{name}" for name in QUANTITIES)}

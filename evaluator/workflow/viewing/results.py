@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.files import read_with
+from evaluator.files.csv_tables import read_runs
 from evaluator.settings import load_experiment
 from evaluator.workflow.diagnosis.validity import load_diagnosis
 from evaluator.workflow.editing.unfinished import read_unfinished
@@ -82,7 +83,7 @@ def diagnosis_view(experiment: Path) -> DiagnosisView:
         return DiagnosisView(None)
     pieces: dict[str, Any] = {}
     if outputs.disagreement.is_file():
-        table = pd.read_csv(outputs.disagreement)
+        table = read_runs(outputs.disagreement)
         pieces = {str(name): table[name].tolist() for name in table}
     there = outputs.robot_with_effect
     text = there.read_text(encoding="utf-8") if there.is_file() else ""
@@ -90,7 +91,7 @@ def diagnosis_view(experiment: Path) -> DiagnosisView:
 
 
 def _by_run(path: Path) -> dict[str, dict[str, Any]]:
-    table = pd.read_csv(path, dtype={"run": str}).astype(object)
+    table = read_runs(path).astype(object)
     rows = table.where(table.notna(), None).to_dict("records")
     return {str(row["run"]): {str(name): value for name, value in row.items()} for row in rows}
 
