@@ -53,6 +53,8 @@ def sentence_of(error: ValueError | OSError | MemoryError) -> str | None:
         return str(error)
     if isinstance(error, OSError) and error.strerror:  # words of the system, for a full disk or a protected folder
         return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+    if "embedded null" in str(error):  # a string of TOML or JSON may hold it
+        return "the name of a file holds the character U+0000, which no name may have; correct the file that states it"
     names = sys.getfilesystemencoding()
     if isinstance(error, UnicodeEncodeError) and names != "utf-8":  # a locale of one byte a character
         letters = error.object[error.start : error.end]

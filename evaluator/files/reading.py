@@ -30,6 +30,10 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         raise InputError(f"{path}: not valid TOML: {toml_fault(error, _text_of(path))}") from error
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, load)}") from error
+    except ValueError as error:
+        if "embedded null" not in str(error):
+            raise
+        raise InputError(f"{str(path)!r}: no file can have this name, because of U+0000 in it") from error
 
 
 def _text_of(path: Path) -> str:

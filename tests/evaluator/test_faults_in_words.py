@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, Field, ValidationError
 
-from evaluator.files import explain
+from evaluator.errors import InputError
+from evaluator.files import explain, read_with
 
 
 class Part(BaseModel, extra="forbid"):
@@ -52,3 +53,8 @@ def test_a_fault_names_its_place_what_was_found_and_what_should_be_there(content
     with pytest.raises(ValidationError) as error:
         Whole.model_validate(content)
     assert explain(error.value, load) == said
+
+
+def test_a_name_that_no_file_can_have_is_shown_as_it_was_written() -> None:
+    with pytest.raises(InputError, match=r"^'a\\x00\.toml': no file can have this name"):
+        read_with(Path.read_text, Path("a\0.toml"))

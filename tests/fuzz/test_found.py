@@ -129,6 +129,13 @@ def number_in_place_of_the_runs(folder: Path) -> tuple[str, ...]:
     return ("check", str(folder / "experiment.toml"))
 
 
+def marks_of_a_name_that_no_file_can_have(folder: Path) -> tuple[str, ...]:
+    lines = ("format = 1", 'name = "n"', 'robot = "barrel"', "[[run]]", 'id = "a"', r'marks = "a\u0000.csv"')
+    text = "\n".join((*lines, "left_rpm = 1.0", "right_rpm = 2.0", ""))
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
+    return ("check", str(folder / "experiment.toml"))
+
+
 def key_that_commands_the_terminal(folder: Path) -> tuple[str, ...]:
     path = folder / "robot.toml"
     path.write_text('"a\\u001bb\\u009b\\u202e" = 1\n', encoding="utf-8")
@@ -163,6 +170,7 @@ FOUND: dict[Callable[[Path], tuple[str, ...]], str] = {
     camera_with_a_ragged_covariance: "covariance are incomplete",
     camera_of_no_size: "not a camera.json",
     number_in_place_of_the_runs: "run = 5",
+    marks_of_a_name_that_no_file_can_have: "the character U+0000, which no name may have",
     gauge_of_millions_of_dots: "an image can resolve",
     key_that_commands_the_terminal: r"unknown key a\x1bb\x9b\u202e",
 }
