@@ -30,7 +30,7 @@ IMPORTED = re.compile(
     r"^[ \t]*from[ \t]+((?:calibration|simulator|evaluator)[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|.*)", re.MULTILINE
 )
 OLD_S = 60 * 86400.0  # age at which files of a kernel are deleted when it is compiled again
-LONGEST_S = 120.0  # longest wait for a lock; the largest kernel takes 18 s on an idle machine, more on a busy one
+LONGEST_S = 120.0  # longest wait for a lock on an idle machine, where the largest kernel takes 18 s
 POLLED_S = 0.05
 
 
@@ -204,7 +204,8 @@ def _alone(index: Path | None) -> Iterator[None]:
 
     A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes
     cannot deadlock. After LONGEST_S, for instance if the process with the lock is suspended, the kernel is compiled
-    without the lock.
+    without the lock. Where programs share a core, that is as many times later: else, beside 20 other programs, three
+    processes of a demo compile the largest kernels each for itself.
     """
     if index is None or sys.platform == "win32":
         yield
@@ -216,7 +217,7 @@ def _alone(index: Path | None) -> Iterator[None]:
     except OSError:
         yield
         return
-    ends = time.monotonic() + LONGEST_S
+    ends = time.monotonic() + LONGEST_S * max(_programs_a_core(), 1.0)
     with lock:
         while time.monotonic() < ends:
             try:
@@ -228,6 +229,14 @@ def _alone(index: Path | None) -> Iterator[None]:
             else:
                 break
         yield
+
+
+def _programs_a_core() -> float:
+    """Programs that share a core, in the mean of the last minute; 0 where the system does not say."""
+    try:
+        return os.getloadavg()[0] / (os.cpu_count() or 1)
+    except OSError:
+        return 0.0
 
 
 def _give_environments(kernel: Any) -> None:
