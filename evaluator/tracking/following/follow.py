@@ -13,8 +13,9 @@ from evaluator.recording import Frame
 from evaluator.tracking.detection import color_kernels
 from evaluator.tracking.detection.appearance import SOFTNESS, Appearance, learn_shape, patch_of
 from evaluator.tracking.following.motion import Motion, Point, beyond
-from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.observation import ABSENT, AMBIGUOUS, OK, Sighting
 from evaluator.tracking.refinement import fast_path, kernels
+from evaluator.tracking.refinement.blob import has_another_hue
 from evaluator.tracking.refinement.disc import Disc
 from evaluator.tracking.refinement.learn_shape import Patch, Steps
 from evaluator.tracking.refinement.shading import LightNotes, interior_px
@@ -29,6 +30,7 @@ LIKENESS = 0.11
 HOPELESS = 8.0  # residual above which the mark is not a disc
 
 LATELY = 4.0  # intervals since a mark was last seen up to which that position is used for its velocity
+GONE = 8  # frames without a mark after which what is found must have its hue: by then it may have left the image
 SMEARED_PX = 2.0  # motion in an interval from which the exposure matters
 STEADY = 2.0  # ratio of successive speeds beyond which a mark starts, stops or is pushed, instead of turning
 
@@ -127,6 +129,8 @@ class Follower(Motion):
             one = self.look_at(frame, cell, place, 3.0, interval_s)
             if one.status == OK:
                 break
+        if self.missed > GONE and has_another_hue(frame, cell, self.color, place, self.radius_px):
+            one = ABSENT[AMBIGUOUS]  # something else where nothing better is in view
         self.color[4], self.velocity, self.turn_rad_s = color, velocity, turn_rad_s
         if one.status != OK:
             self._usual[:] = usual

@@ -17,7 +17,7 @@ from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob
 from evaluator.tracking.observation import OK, REPEATED, Sighting
-from evaluator.tracking.refinement.blob import elongation
+from evaluator.tracking.refinement.blob import OTHER_HUE, elongation
 from evaluator.tracking.refinement.learn_shape import finished
 from evaluator.tracking.settings import TrackingSettings
 
@@ -92,8 +92,10 @@ def resized(follower: Follower, frame: Frame, cell: Array, one: Sighting) -> Blo
         return None
     blob = start_blob(frame, cell, place, follower.radius_px, follower.color, follower.exposure)
     found = blob.look_at(frame, cell, place, follower.radius_px, 0.0)
-    if found.status != OK or blob.area_px2 > SMALLER * follower.look.area_px2:
+    if found.status != OK or blob.blob is None or blob.area_px2 > SMALLER * follower.look.area_px2:
         return None
+    if abs(blob.blob.turned_rad) > OTHER_HUE:
+        return None  # an arm or the floor where the mark was seen last
     blob.velocity = follower.velocity
     blob.accept(found, frame.time_s)
     return blob

@@ -10,6 +10,7 @@ Image coordinates, px.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -28,6 +29,7 @@ MOSTLY = 2.0  # standard deviations of the luma around the blob; few of the surr
 MOST_OF = 0.9  # of the surroundings have less chroma than a floor that the blob may touch
 BEYOND = 0.2  # largest share below 0 or above 1 that noise can cause; beyond it the pixel shows something else
 LEAST_VARIANCE = 1.0  # levels²: rounding of luma and chroma to whole levels, and of chroma between its samples
+OTHER_HUE = 0.35  # rad: half the angle by which pixels of a mark's colour may differ from it; a whole mark differs less
 LUMPS = 7  # px: side of the squares whose means show over what distance errors of pixels are correlated
 GAMMA, LIGHTEST = 2.2, 255.0  # of cameras that write sRGB or BT.709, which both are close to; level of the whitest
 SHORTEST = 1.0 / 12.0  # px²: variance of a single pixel, the least along any axis
@@ -39,7 +41,8 @@ class Blob:
 
     area_px2: sum of the shares, which blur does not change. spread_px2: (2, 2), second moments about the centre.
     strength: mean chroma of the blob along its colour, levels; beside: chroma that a tenth of its surroundings exceeds.
-    whole: does not touch the border of the image.
+    whole: does not touch the border of the image. turned_rad: angle of its mean colour from that sought, about the
+    neutral.
     """
 
     center_px: tuple[float, float]
@@ -49,6 +52,7 @@ class Blob:
     strength: float
     whole: bool
     beside: float = 0.0
+    turned_rad: float = 0.0
 
 
 def elongation(spread_px2: Array, path_px: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -89,11 +93,23 @@ def blobs_around(
             top + y - part[0].start : top + low_end - part[0].start,
             left + x - part[1].start : left + right_end - part[1].start,
         ] = labels[y:low_end, x:right_end] == label
-        strength = float(along[labels == label].mean())
+        here = labels == label
+        strength = float(along[here].mean())
         blob = _measured(frame, cell, color, part, own, strength, whole=bool(whole))
         if blob is not None:
-            found.append(blob)
+            found.append(replace(blob, turned_rad=_turned(float(u[here].mean()), float(v[here].mean()), color)))
     return found
+
+
+def has_another_hue(frame: Frame, cell: Array, color: Array, place: tuple[float, float], half_px: float) -> bool:
+    """Whether the pixels of a colour about a position are mostly of a neighbouring one; cell, color: as above."""
+    assert frame.u is not None
+    assert frame.v is not None
+    left, right = _span(place[0], half_px, cell[2], cell[0], frame.u.shape[1])
+    top, bottom = _span(place[1], half_px, cell[3], cell[1], frame.u.shape[0])
+    u, v = (plane[top:bottom, left:right].astype(np.float32) for plane in (frame.u, frame.v))
+    here = _members(u, v, color)[1] > 0
+    return bool(here.any()) and abs(_turned(float(u[here].mean()), float(v[here].mean()), color)) > OTHER_HUE
 
 
 def extends_beyond(
@@ -131,6 +147,12 @@ def _members(u: Single, v: Single, color: Array) -> tuple[Single, Mask]:
     along = du * np.float32(color[2]) + dv * np.float32(color[3])
     across = np.abs(dv * np.float32(color[2]) - du * np.float32(color[3]))
     return along, ((along > color[4]) & (across < color[5] * along)).astype(np.uint8)
+
+
+def _turned(u: float, v: float, color: Array) -> float:
+    """Angle of a mean (u, v) about the neutral, from the direction of a colour, rad."""
+    du, dv = u - float(color[0]), v - float(color[1])
+    return math.atan2(dv * float(color[2]) - du * float(color[3]), du * float(color[2]) + dv * float(color[3]))
 
 
 def _measured(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluator.recording import Frame
-from evaluator.tracking.following.follow import Follower
+from evaluator.tracking.following.follow import GONE, Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.shape import UNLIKE, resized
 from evaluator.tracking.following.tracker import Tracker
@@ -41,6 +41,24 @@ def test_a_mark_long_unlike_its_disc_and_smaller_goes_on_as_a_blob(
     assert isinstance(blob, BlobFollower) == is_blob
     if blob is not None:
         assert blob.radius_px == pytest.approx(radius_px, rel=0.1)
+
+
+@pytest.mark.parametrize(("turned", "found"), [(0.25, True), (0.45, False)])
+def test_what_has_another_hue_is_no_view_of_a_mark_and_not_found_again_when_it_was_long_gone(
+    turned: float, *, found: bool
+) -> None:
+    """An arm where a ball was seen last, a wooden handle after it was taken out of view."""
+    tracker, follower, frame = followed(5.0)
+    follower.unlike = UNLIKE
+    mean_uv = follower.color[2:4].copy()
+    follower.color[2:4] = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]]) @ mean_uv
+    blob = resized(follower, frame, tracker.cell, Sighting(*PLACE, 9.0, 9.0, 0.0, OK))
+    assert (blob is not None) == found
+    _, disc, same = followed(8.0)
+    disc.color[2:4] = follower.color[2:4]
+    for missed, seen in ((GONE, True), (GONE + 1, found)):
+        disc.missed = missed
+        assert (disc.look_again(same, tracker.cell, PLACE, 0.02, (0.0, 0.0), 1.0).status == OK) == seen
 
 
 def test_frames_whose_centre_is_vague_or_missing_count_as_unlike_the_disc_until_one_is_sharp() -> None:
