@@ -22,6 +22,7 @@ from evaluator.recording import Frame
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Mask = NDArray[np.uint8]
+Part = NDArray[np.bool_]  # of the pixels around a blob
 
 RIM_PX, RING_PX = 3, 9  # beyond a blob's half height: the end of a blurred edge; the end of the surroundings considered
 FEW = 12  # pixels: fewest from which a mean colour is computed
@@ -197,7 +198,10 @@ def _measured(
         share[highlights & (share < 1.0)] = 1.0
     region = (_grown(mask, RIM_PX) > 0) & ~(_grown(other.astype(np.uint8), 1) > 0)
     grid = x0, frame.row_origin + y0 * frame.row_step, frame.row_step
-    recorded, in_light = (_moments(share, region, core, around, grid, strength, whole=whole) for share in shares)
+    inside = cv2.erode(outline & mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * RIM_PX + 1,) * 2)) > 0
+    recorded, in_light = (
+        _moments(share, (region, core, around, inside), grid, strength, whole=whole) for share in shares
+    )
     if recorded is None or in_light is None:
         return None
     return replace(_between(recorded, in_light), beside=float(np.quantile(along[around], MOST_OF)))
@@ -242,12 +246,15 @@ def _share(planes: Single, core: NDArray[np.bool_], around: NDArray[np.bool_]) -
 
 
 def _moments(
-    share: Array, region: NDArray[np.bool_], core: NDArray[np.bool_], around: NDArray[np.bool_],
-    grid: tuple[int, int, int], strength: float, *, whole: bool,
-) -> Blob | None:  # fmt: skip
-    """Moments of the shares in a region; grid: x and y of the first pixel, step of the rows."""
+    share: Array, parts: tuple[Part, Part, Part, Part], grid: tuple[int, int, int], strength: float, *, whole: bool
+) -> Blob | None:
+    """Moments of the shares in a region; grid: x and y of the first pixel, step of the rows.
+
+    parts: the region, the core, what is around it, and what the mark covers whole however light falls on it.
+    """
+    region, core, around, inside = parts
     rows, columns = np.nonzero(region)
-    weight = np.clip(share[region], -BEYOND, 1.0 + BEYOND)
+    weight = np.where(inside, 1.0, np.clip(share / _light(share, core), -BEYOND, 1.0 + BEYOND))[region]
     total = float(weight.sum())
     if total < FEW / 2:
         return None
@@ -255,10 +262,31 @@ def _moments(
     center = float(weight @ x) / total, float(weight @ y) / total
     away = np.stack([x - center[0], y - center[1]])
     # Variation within the blob (light, blocks of a codec) has the same weight as variation around it.
-    variance = np.where(core, _lumpy_variance(share, core), _lumpy_variance(share, around))[region]
+    variance = np.where(core, _lumpy_variance(share, core), _lumpy_variance(share, around))
+    variance = np.where(inside, 0.0, variance)[region]
     covariance = (variance * away) @ away.T / total**2
     spread = (weight * away) @ away.T / total
     return Blob(center, covariance, total * grid[2], spread, strength, whole)
+
+
+def _light(share: Array, core: NDArray[np.bool_]) -> Array:
+    """Light on a blob relative to its mean, as a plane through the shares of its core; in each pixel.
+
+    The plane is shrunk by the share of its slopes that noise explains (empirical Bayes): a small blob has none.
+    """
+    rows, columns = np.nonzero(core)
+    middle = rows.mean(), columns.mean()
+    away = np.stack([rows - middle[0], columns - middle[1]])
+    level = np.clip(share[core], 1.0 - BEYOND, 1.0 + BEYOND)
+    moments = away @ away.T + np.eye(2)
+    slopes = np.linalg.solve(moments, away @ (level - level.mean()))
+    left = np.zeros(share.shape)
+    left[core] = level - slopes @ away
+    squares = float(slopes @ moments @ slopes) / max(_lumpy_variance(left, core), 1e-12)
+    slopes *= max(1.0 - 2.0 / max(squares, 1e-12), 0.0)
+    y, x = np.ogrid[: share.shape[0], : share.shape[1]]
+    plane = 1.0 + slopes[0] * (y - middle[0]) + slopes[1] * (x - middle[1])
+    return np.asarray(np.clip(plane, 1.0 - BEYOND, 1.0 + BEYOND))
 
 
 def _lumpy_variance(share: Array, part: NDArray[np.bool_]) -> float:

@@ -13,6 +13,7 @@ from evaluator.tracking.refinement.blob import (
     SHORTEST,
     _between,
     _in_light,
+    _light,
     _lumpy_variance,
     _members,
     _moments,
@@ -23,6 +24,8 @@ from evaluator.tracking.refinement.blob import (
 )
 from tests.evaluator.tracking.synthetic import coverage, frames_in_memory
 from tests.evaluator.tracking.test_detection_colors import stored
+
+NOWHERE = np.zeros((), bool)  # no part of a mark is known to be covered whole
 
 
 def test_elongation_is_the_ratio_of_the_axes_without_the_smear() -> None:
@@ -51,7 +54,7 @@ def test_blob_has_the_centre_area_and_moments_of_its_box(row_step: int) -> None:
     share = np.zeros((40, 50))
     share[10:22, 20:38] = 1.0
     core, region = share > 0, np.ones_like(share, bool)
-    blob = _moments(share, region, core, ~core, (100, 7, row_step), 33.0, whole=True)
+    blob = _moments(share, (region, core, ~core, NOWHERE), (100, 7, row_step), 33.0, whole=True)
     assert blob is not None
     assert blob.center_px == pytest.approx((100 + 28.5, 7 + row_step * 15.5))
     assert blob.area_px2 == pytest.approx(12 * 18 * row_step)
@@ -60,9 +63,11 @@ def test_blob_has_the_centre_area_and_moments_of_its_box(row_step: int) -> None:
     small = np.zeros((40, 50))
     for size, found in ((5, False), (6, True)):
         small[10, 20 : 20 + size] = 1.0
-        assert (_moments(small, region, small > 0, small == 0, (0, 0, 1), 1.0, whole=True) is not None) == found
+        assert (
+            _moments(small, (region, small > 0, small == 0, NOWHERE), (0, 0, 1), 1.0, whole=True) is not None
+        ) == found
     over = np.where(core, 3.0, -1.0)  # clipped to 1.2 and -0.2: noise explains so much
-    clipped = _moments(over, core, core, ~core, (0, 0, 1), 1.0, whole=True)
+    clipped = _moments(over, (core, core, ~core, NOWHERE), (0, 0, 1), 1.0, whole=True)
     assert clipped is not None
     assert clipped.area_px2 == pytest.approx(1.2 * 12 * 18)
 
@@ -74,12 +79,16 @@ def test_centroid_is_as_unsure_as_noise_of_the_shares_makes_it() -> None:
     region = np.zeros_like(core)
     region[7:23, 5:25] = True
     blobs = [
-        _moments(core + 0.05 * rng.normal(size=core.shape), region, core, ~region, (0, 0, 1), 1.0, whole=True)
+        _moments(
+            core + 0.05 * rng.normal(size=core.shape), (region, core, ~region, NOWHERE), (0, 0, 1), 1.0, whole=True
+        )
         for _ in range(120)
     ]
     centers = np.array([blob.center_px for blob in blobs if blob is not None])
     stated = np.mean([np.diag(blob.covariance_px2) for blob in blobs if blob is not None], axis=0)
-    assert centers.var(axis=0) == pytest.approx(stated, rel=0.35)
+    # Noise that looks like light which rises over the blob is taken out: the centre is surer than that.
+    ratio = centers.var(axis=0) / stated
+    assert np.all((ratio > 0.5) & (ratio < 1.35))
 
 
 def test_noise_that_neighbours_share_counts_by_how_many_share_it() -> None:
@@ -92,6 +101,21 @@ def test_noise_that_neighbours_share_counts_by_how_many_share_it() -> None:
     assert _lumpy_variance(blocks, everywhere) == pytest.approx(49 * 4 / 9 * blocks.var(), rel=0.15)
     flat = np.kron(rng.normal(size=(3, 3)), np.ones((70, 70)))
     assert _lumpy_variance(flat, everywhere) == pytest.approx(49 * flat.var(), rel=0.15)
+
+
+@pytest.mark.parametrize(("inside_px", "most_px"), [(0.0, 0.06), (17.0, 0.02)])
+def test_light_that_rises_over_a_sticker_hardly_moves_its_centre(inside_px: float, most_px: float) -> None:
+    """A disc of radius r in light that rises by g a pixel has its centroid g r²/4 off: 0.4 px here."""
+    y, x = np.mgrid[:61, :61] - 30.0
+    away = np.hypot(x - 0.3, y)
+    rng = np.random.default_rng(5)
+    share = np.clip(20.5 - away, 0, 1) * (1 + 0.004 * x) + 0.02 * rng.normal(size=away.shape)
+    parts = away < 23, away < 19, (away > 24) & (away < 29), away < inside_px
+    blob = _moments(share, parts, (0, 0, 1), 1.0, whole=True)
+    assert blob is not None
+    assert blob.center_px[0] == pytest.approx(30.3, abs=most_px)
+    level = np.ones_like(share) + 0.1 * rng.normal(size=share.shape)
+    assert _light(level, away < 3) == pytest.approx(1.0, abs=0.1)  # what noise explains is no light
 
 
 def test_a_sample_is_of_a_colour_that_is_strong_along_it_and_little_across() -> None:
@@ -166,7 +190,7 @@ def test_sticker_that_overhangs_a_dark_body_on_white_paper_is_where_it_is_within
     region = np.ones_like(core)
     rgb_from_planes = np.array([[1.0, 0.0, 1.402, -179.5], [1.0, -0.344, -0.714, 135.4], [1.0, 1.772, 0.0, -226.8]])
     plain, in_light = (
-        _moments(_share(each, core, around), region, core, around, (-24, -24, 1), 1.0, whole=True)
+        _moments(_share(each, core, around), (region, core, around, NOWHERE), (-24, -24, 1), 1.0, whole=True)
         for each in (planes, _in_light(planes, rgb_from_planes))
     )
     assert plain is not None

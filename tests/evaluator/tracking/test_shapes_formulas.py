@@ -174,3 +174,16 @@ def test_a_mark_is_no_disc_that_is_oblong_or_seldom_holds_one(
         assert [one.status for one in found[1][:3]] == [one.status for _, one in held[:3]]
         assert found[1][5].status == REPEATED
     assert try_blob(follower(time_s=0.1), 8, held, np.ones(4)) is None  # two frames do not tell
+
+
+@pytest.mark.parametrize(("share", "taken"), [(0.85, False), (0.6, True)])
+def test_a_disc_that_is_a_small_part_of_its_colour_is_a_reflection_on_the_mark(
+    share: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(follow_blob, "blobs_around", lambda *_: [blob(area_px2=1256.6, spread_px2=100 * np.eye(2))])
+    held: list[Any] = [
+        (SimpleNamespace(index=k, time_s=k / 30, size_px=(100, 80)), Sighting(50.0, 40.0, 1e-4, 1e-4, 0.0, OK))
+        for k in range(10)
+    ]
+    found = try_blob(follower(area_px2=1256.6), 0, held, np.ones(4), disc_px=20.0 * share)
+    assert (found is not None) == taken
