@@ -16,7 +16,7 @@ from evaluator.interchange.commands import RunCommand
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.robot_geometry import mark_geometry
-from evaluator.turning import Turning
+from evaluator.turning import Turning, only_mark
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
 from simulator.observation import marks_of_run, view_of
@@ -51,16 +51,40 @@ def simulated_poses(robot: Robot, run_command: RunCommand, poses: Poses, run_ind
     which its marks, observed with these errors, coincide with the measured ones, and at the start time of its erroneous
     clock. A run that does not start at rest has at the first pose the velocity that its command has produced by then.
     """
-    view, geometry = view_of(robot), mark_geometry(robot)
-    factor = view.time_factor
-    command = run_command.command.retimed(1 / factor)
     first = float(poses.time_s[0])
     start_s = run_command.start_s if run_command.starts_at_rest and run_command.start_s is not None else first
-    start = State(*resting_pose(view, geometry, start_pose(poses, start_s, at_rest=run_command.starts_at_rest)))
+    measured = start_pose(poses, start_s, at_rest=run_command.starts_at_rest)
+    start = State(*resting_pose(view_of(robot), mark_geometry(robot), measured))
+    return _simulated_from(start, robot, run_command, poses, run_index)
+
+
+def simulated_path(robot: Robot, run_command: RunCommand, poses: Poses, run_index: int = 0) -> tuple[Motion, Poses]:
+    """Motion of a run of a robot with a single mark, and the path of this mark as it would be measured.
+
+    One mark does not show the heading at the start. The run is simulated from any pose; the rigid motion that brings
+    the path of its mark nearest to the measured path (least squares) moves the start, from which it is simulated again.
+    """
+    start = State()
+    _, seen = _simulated_from(start, robot, run_command, poses, run_index)
+    simulated, measured = (each.x_mm + 1j * each.y_mm for each in (seen, poses))
+    both = np.isfinite(simulated) & np.isfinite(measured)
+    middle, target = simulated[both].mean(), measured[both].mean()
+    turn = float(np.angle(np.sum((simulated[both] - middle).conj() * (measured[both] - target))))
+    place = target + np.exp(1j * turn) * (complex(start.x_mm, start.y_mm) - middle)
+    moved = State(float(place.real), float(place.imag), start.heading_rad + turn)
+    return _simulated_from(moved, robot, run_command, poses, run_index)
+
+
+def _simulated_from(
+    start: State, robot: Robot, run_command: RunCommand, poses: Poses, run_index: int
+) -> tuple[Motion, Poses]:
+    """Motion from a pose, and its poses as they would be measured at the times of the measured ones."""
+    factor = view_of(robot).time_factor
+    command = run_command.command.retimed(1 / factor)
     if not run_command.starts_at_rest:
-        start = moving_state(robot, command, start, first / factor, run_index)
+        start = moving_state(robot, command, start, float(poses.time_s[0]) / factor, run_index)
     motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)
-    return motion, poses_from_marks(marks_of_run(robot, motion), geometry)
+    return motion, poses_from_marks(marks_of_run(robot, motion), mark_geometry(robot))
 
 
 def resting_pose(
@@ -108,18 +132,20 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
 def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Turning) -> dict[str, Any]:
     """One row of comparison.csv from the row of turning.csv and the measured poses.
 
-    seen: poses simulated at the same times; read: results of the estimator for these.
+    seen: poses simulated at the same times; read: results of the estimator for these. For a robot with a single mark,
+    radius and speed of its path are compared.
     """
     simulated = read.to_row()
     if abs(read.curvature_per_mm) * STRAIGHT_MM < 1:
         simulated |= {"radius_mm": float("nan"), "steady_radius_mm": float("nan")}
     row: dict[str, Any] = {}
-    for name in ("radius_mm", "steady_radius_mm"):
+    mark = only_mark(turning)
+    for name in ("radius_mm", "steady_radius_mm", *([f"{mark}_radius_mm"] if mark else [])):
         stem = name.removesuffix("_mm")
         row[name] = turning[name]
         row[f"{stem}_low_mm"], row[f"{stem}_high_mm"] = turning[f"{stem}_low_mm"], turning[f"{stem}_high_mm"]
-        row[f"simulated_{name}"] = simulated[name]
-        row[f"{stem}_difference_percent"] = 100 * (simulated[name] / turning[name] - 1)
+        row[f"simulated_{name}"] = found = simulated.get(name, float("nan"))
+        row[f"{stem}_difference_percent"] = 100 * (found / turning[name] - 1)
     of_marks = [name for name in turning if name.endswith("_speed_mm_s") and name in simulated]
     for name in (*BESIDE[:2], *of_marks, *BESIDE[2:]):
         row[name], row[f"simulated_{name}"] = turning[name], simulated[name]

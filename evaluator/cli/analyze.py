@@ -13,6 +13,7 @@ import click
 
 from evaluator.cli.options import BatchOptions, batch_options
 from evaluator.cli.progress import progress_bar
+from evaluator.turning import only_mark
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,7 +165,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
                 name_of(row),
                 command_text(row["left_rpm"], row["right_rpm"]),
                 *radius(row),
-                number(row[f"{only_mark(row)}speed_mm_s"], 3),
+                number(row[named_after(only_mark(row), "speed_mm_s")], 3),
             ]
             rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
@@ -181,7 +182,8 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
     for row, measured in zip(found.comparison.to_dict("records"), found.turning.to_dict("records"), strict=True):
         if row["run"] in found.faults:
             continue
-        command, simulated = command_text(row["left_rpm"], row["right_rpm"]), row["simulated_radius_mm"]
+        command = command_text(row["left_rpm"], row["right_rpm"])
+        simulated = row[f"simulated_{named_after(only_mark(measured), 'radius_mm')}"]
         nothing = "straight" if math.isfinite(row["left_rpm"]) else UNKNOWN
         known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
         cells = [name_of(row), command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
@@ -196,19 +198,19 @@ def name_of(row: Mapping[Hashable, Any]) -> str:
     return f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
 
 
-def only_mark(row: Mapping[Hashable, Any]) -> str:
-    """NAME_ of the only mark of a robot, whose path is measured in place of the robot's centre; else empty."""
-    ending = "radius_status"
-    names = [str(name).removesuffix(ending) for name in row if str(name).endswith(f"_{ending}")]
-    return next((name for name in names if isinstance(row[f"{name}{ending}"], str)), "")
+def named_after(mark: str, column: str) -> str:
+    """A column of the robot's centre, or of its only mark."""
+    return f"{mark}_{column}" if mark else column
 
 
 def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
     """Radius of a row of turning.csv and its interval; a word if it has none. A single mark is named."""
     mark = only_mark(row)
-    of = f" ({mark.removesuffix('_')})" if mark else ""
-    value, low, high = (row[f"{mark}radius_{end}"] for end in ("mm", "low_mm", "high_mm"))
-    if math.isfinite(value) and abs(row[f"{mark}turned_deg"]) > 1:  # a smaller turn looks straight
-        return f"{value:.3f}{of}", f"{low:.3f} to {high:.3f}"
-    straight = math.isfinite(value) or str(row[f"{mark}radius_status"]).startswith("straight")
+    value, low, high, turned, status = (
+        row[named_after(mark, name)]
+        for name in ("radius_mm", "radius_low_mm", "radius_high_mm", "turned_deg", "radius_status")
+    )
+    if math.isfinite(value) and abs(turned) > 1:  # a smaller turn looks straight
+        return f"{value:.3f} ({mark})" if mark else f"{value:.3f}", f"{low:.3f} to {high:.3f}"
+    straight = math.isfinite(value) or str(status).startswith("straight")
     return "straight" if straight else "–", ""

@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from calibration.frames import plate_from_body
 from evaluator.marks import mark_names, read_marks
 from evaluator.report.numbers import MILLIMETRES, LengthUnit, command_text, number, unit_for
+from evaluator.turning import only_mark
 from evaluator.workflow import Analysis, Outputs
 from simulator.robot import Robot
 
@@ -27,7 +29,8 @@ class RunView:
     """One analysed run, or one phase of a run with a log: its row of turning.csv and of comparison.csv, and its curves.
 
     Curves are read on first use. run: id in the experiment. unit: of its lengths. from_poses: its marks were computed
-    from given poses, not observed.
+    from given poses, not observed. only_mark: name and place (mm) on the robot of its single mark; radius, speed and
+    path are then those of this mark.
     """
 
     run: str
@@ -37,6 +40,7 @@ class RunView:
     outputs: Outputs
     unit: LengthUnit = MILLIMETRES
     from_poses: bool = False
+    only_mark: tuple[str, tuple[float, float]] | None = None
 
     @property
     def id(self) -> str:
@@ -106,7 +110,13 @@ class RunView:
     @cached_property
     def simulated(self) -> pd.DataFrame:
         """The simulated counterpart over time."""
-        return self._of_phase(pd.read_csv(self.outputs.simulated(self.run)))
+        table = self._of_phase(pd.read_csv(self.outputs.simulated(self.run)))
+        if self.only_mark is None:
+            return table
+        places = np.broadcast_to(self.only_mark[1], (len(table), 2))
+        pose = table["x_mm"].to_numpy(), table["y_mm"].to_numpy(), np.radians(table["heading_deg"].to_numpy())
+        x, y = plate_from_body(places, *pose).T
+        return table.assign(x_mm=x, y_mm=y)
 
     def _of_phase(self, table: pd.DataFrame) -> pd.DataFrame:
         """The rows of a table within the phase; all rows if the run has no phases."""
@@ -134,10 +144,33 @@ def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
     unit = unit_for(robot.body.length_mm)
     both = zip(_records(analysis.turning), _records(analysis.comparison), strict=True)
     return [
-        RunView(str(row["run"]), str(row["group"]), row, compared, analysis.outputs, unit, row["run"] in poses)
+        RunView(
+            *(
+                str(row["run"]),
+                str(row["group"]),
+                _of_mark(row, mark),
+                _of_mark(compared, mark),
+                analysis.outputs,
+                unit,
+            ),
+            from_poses=row["run"] in poses,
+            only_mark=(mark, robot.points_mm[mark]) if mark else None,
+        )
         for row, compared in both
         if row["run"] not in analysis.faults
+        for mark in [only_mark(row)]
     ]
+
+
+def _of_mark(row: dict[str, Any], mark: str) -> dict[str, Any]:
+    """A row with the path of the only mark in place of that of the robot's centre."""
+    own = {
+        before + name.removeprefix(f"{before}{mark}_"): value
+        for before in ("", "simulated_")
+        for name, value in row.items()
+        if mark and name.startswith(f"{before}{mark}_")
+    }
+    return row | own
 
 
 def unit_of(runs: Sequence[RunView]) -> LengthUnit:

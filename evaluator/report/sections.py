@@ -119,7 +119,9 @@ def _wheels(runs: Sequence[RunView], robot: Robot) -> Section | None:
     )
     if not figures:
         return None
-    return Section("wheels", "Wheels in a turn", (text,), tuple(figures), (slip_table(turning),))
+    measured = [run for run in turning if run.only_mark is None]
+    tables = (slip_table(measured),) if measured else ()
+    return Section("wheels", "Wheels in a turn", (text,), tuple(figures), tables)
 
 
 def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Section:
@@ -144,9 +146,9 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
 
 
 def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
-    """The budget of the tightest turn among runs without phases and with observed marks."""
+    """The budget of the tightest turn among runs without phases and with observed marks that give a heading."""
     whole = {run.id for run in analysis.experiment.run if run.commands is None and run.poses is None}
-    able = [run for run in turning if run.run in whole]
+    able = [run for run in turning if run.run in whole and run.only_mark is None]
     if not able:
         return None
     run = min(able, key=lambda run: run.value("radius_mm"))

@@ -36,7 +36,7 @@ def summary(
     sentences += [_directions(directions), _agreement(turning), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
-    sentences.insert(0, _scale(runs))
+    sentences[:0] = [_only_mark(runs), _scale(runs)]
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
         total = len(faults) + len({run.run for run in runs})
@@ -102,6 +102,17 @@ def _scale(runs: Sequence[RunView]) -> str:
     return (
         f"All lengths below are doubtful: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
         "(see Quality of the measurement)."
+    )
+
+
+def _only_mark(runs: Sequence[RunView]) -> str:
+    """What a robot with a single mark does not show."""
+    named = sorted({run.only_mark[0] for run in runs if run.only_mark})
+    if not named:
+        return ""
+    return (
+        f"A single mark ({', '.join(named)}) shows no heading: radii, speeds and paths below are those of this mark, "
+        "not of the robot's centre, and the simulated path is laid on the measured one."
     )
 
 

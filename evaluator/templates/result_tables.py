@@ -50,9 +50,10 @@ COMPARISON: Columns = {
     "simulated_steady_radius_mm, steady_radius_difference_percent": "the same for the steady turn",
     "speed_mm_s, yaw_rate_deg_s, body_slip_angle_deg": "measured, as in turning.csv",
     "MARK_speed_mm_s": "measured speed of each mark",
+    "MARK_radius_mm, MARK_radius_low_mm, MARK_radius_high_mm, MARK_radius_difference_percent": "of a single mark",
     "front_left_slip_ratio, front_right_slip_ratio, WHEEL_slip_angle_deg": "measured slip of wheels",
     "simulated_NAME": "simulated value of any of these columns",
-    "gap_rms_mm, gap_end_mm": "distance of the simulated from the measured centre: RMS over the run, and at its end",
+    "gap_rms_mm, gap_end_mm": "distance of simulated and measured centre (or single mark): RMS, and at the end",
     "heading_gap_end_deg": "simulated minus measured heading at the end of the run",
 }
 POOLED: Columns = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.path import PointPath
@@ -179,3 +180,11 @@ class Turning:
     def phase_rows(self) -> list[dict[str, float | str]]:
         """Rows of phases.csv, in time: start_s, stop_s, kind, radius_mm with its bounds, speed_mm_s, turned_deg."""
         return [vars(phase).copy() for phase in self.phases]
+
+
+def only_mark(row: Mapping[Any, Any]) -> str:
+    """Name of the mark of a row of turning.csv or comparison.csv if the robot has a single mark; else empty."""
+    ending = "_radius_low_mm"
+    names = [str(name).removesuffix(ending) for name in row if str(name).endswith(ending) and name != f"steady{ending}"]
+    speeds = {name: row.get(f"{name}_speed_mm_s") for name in names}
+    return next((name for name, speed in speeds.items() if isinstance(speed, float) and math.isfinite(speed)), "")

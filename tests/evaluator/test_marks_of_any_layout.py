@@ -16,6 +16,8 @@ from evaluator.diagnosis.experiment import session_of
 from evaluator.errors import InputError
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import poses_from_marks
+from evaluator.report.runs import views_of
+from evaluator.report.summary import summary
 from evaluator.robot_geometry import reference_marks
 from evaluator.settings import load_experiment
 from evaluator.turning import measure_turning
@@ -23,6 +25,7 @@ from evaluator.workflow import analyze, circular_test_of
 from simulator.command import Command
 from simulator.observation import marks_of_run
 from simulator.robot import Robot, load_robot, shipped_robot_text
+from simulator.run import State
 from simulator.simulation import simulate
 from tests.evaluator.turning.synthetic import arc_poses
 
@@ -170,7 +173,21 @@ def test_run_of_one_mark_gives_its_path_and_says_that_there_is_no_heading(tmp_pa
     assert row["top_speed_mm_s"] == pytest.approx(radius * np.radians(300) / (599 / 60), rel=1e-3)
     assert np.isnan(row["radius_mm"])
     assert row["radius_status"].startswith("no heading: a single mark")
-    with pytest.raises(InputError, match=r"no heading.*needs two marks"):
-        analyze(experiment, tmp_path / "compared", workers=1, simulate=True)
     session = session_of(load_experiment(experiment), {"r": tmp_path / "r.csv"})
     assert "no heading" in session.skipped["r"]
+
+
+def test_run_of_one_mark_is_compared_with_the_path_of_this_mark_from_the_pose_that_fits_best(tmp_path: Path) -> None:
+    experiment = experiment_of_one_mark(tmp_path, arc_poses(20.0, 300, 20))
+    robot, start = load_robot(tmp_path / "robot.toml"), State(4.0, -3.0, 2.5)
+    motion = simulate(robot, Command.constant(14.0, 33.0, 0.0), np.arange(240) / 30, start=start)
+    marks_of_run(robot, motion).to_csv(tmp_path / "r.csv", index=False)
+    found = analyze(experiment, tmp_path / "out", workers=1, simulate=True)
+    assert found.comparison is not None
+    (row,) = found.comparison.to_dict("records")
+    assert row["simulated_top_radius_mm"] == pytest.approx(row["top_radius_mm"], rel=1e-6)
+    assert row["gap_rms_mm"] < 1e-4
+    (view,) = views_of(found, robot)
+    assert view.value("simulated_radius_mm", "comparison") == row["simulated_top_radius_mm"]
+    assert view.simulated["x_mm"].to_numpy() == pytest.approx(view.poses["x_mm"].to_numpy(), abs=1e-3)
+    assert "A single mark (top) shows no heading" in summary([view], {}, None, pd.DataFrame())[0]

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from calibration.camera import Camera
-from evaluator.comparison import comparison_row, simulated_poses
+from evaluator.comparison import comparison_row, simulated_path, simulated_poses
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
 from evaluator.files.csv_tables import write_table
@@ -23,7 +23,7 @@ from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.marks import read_marks, write_marks
-from evaluator.pose import NO_HEADING, Poses, poses_from_marks
+from evaluator.pose import Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
@@ -149,11 +149,10 @@ class _Stages:
         return [path], {"rows": rows_of(self.phases, self.poses, robot_shape(self.job.robot))}
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
-        if self.run.poses is None and len(self.job.robot.points_mm) == 1:
-            measured = "turnscope analyze measures radius and speed of the mark"
-            raise InputError(f"run {self.run.id}: {NO_HEADING}, and a comparison needs two marks; {measured}")
         assert isinstance(self.job.robot, Robot)  # jobs with simulation have a complete robot
-        motion, seen = simulated_poses(self.job.robot, self.run_command, self.poses, self.job.order)
+        by_path = self.run.poses is None and len(self.job.robot.points_mm) == 1
+        simulated = simulated_path if by_path else simulated_poses
+        motion, seen = simulated(self.job.robot, self.run_command, self.poses, self.job.order)
         path, shape = self.out.simulated(self.run.id), robot_shape(self.job.robot)
         write_table(motion.to_table(), path)
         measured = self.record.stages["turn"]["values"]["rows"]
