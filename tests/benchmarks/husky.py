@@ -113,7 +113,7 @@ def tell_numbers(found: Corrected) -> None:
     for name, value in found.values.items():
         print(f"  {name:34s} {value:8.3f}   sigma {found.sigma[name]:.2g}")
     dead, lag = found.values["dead_time_s"], found.values["time_constant_s"]
-    print(f"  half of a change of speed {dead + lag * np.log(2):.2f} s after the command")
+    print(f"  half of a small change of speed {dead + lag * np.log(2):.2f} s after the command")
 
 
 def tell_encoders(model: Model, found: Corrected) -> None:

@@ -55,6 +55,8 @@ NUMBERS: dict[str, Number] = {
     "difference": Number(1.0, 0.5),
     # of the median of the commanded speeds of the wheels
     **{f"{part}_limit": Number(1.0, 1.0) for part in ("wheel", "ahead", "turn")},
+    # limits of acceleration, of the same median in a second
+    **{f"{part}_ramp_per_s": Number(1.0, 1.0) for part in ("ahead", "turn")},
     "longitudinal_friction": Number(1.0, 0.3),
     "lateral_friction": Number(1.0, 0.3),
     "longitudinal_stiffness": Number(1.0, 0.5),
@@ -77,11 +79,12 @@ class Corrected:
 def corrected_robot(robot: Robot, values: Mapping[str, float], usual_rpm: float) -> Robot:
     """The robot with late motors, its drive, another slip law, a drag along it and its centre of gravity elsewhere.
 
-    usual_rpm: what limits of speed are relative to.
+    usual_rpm: what limits of speed and acceleration are relative to.
     """
     slip = robot.slip.model_copy(update={name: getattr(robot.slip, name) * values[name] for name in SLIP})
     lag = {"id": "command-lag", "dead_time_s": values["dead_time_s"], "time_constant_s": values["time_constant_s"]}
     limits = {f"{part}_rpm": usual_rpm * values[f"{part}_limit"] for part in ("wheel", "ahead", "turn")}
+    ramps = {f"{part}_rpm_s": usual_rpm * values[f"{part}_ramp_per_s"] for part in ("ahead", "turn")}
     gains = {side: values["common"] / 2 + sign * values["difference"] / 2 for side, sign in (("own", 1), ("other", -1))}
     mixing = [
         {
@@ -96,7 +99,7 @@ def corrected_robot(robot: Robot, values: Mapping[str, float], usual_rpm: float)
     drag_mN = values["drag_of_weight"] * robot.weight_uN / UN_PER_MN
     drag = {"id": "free-form", "channel": "force_forward", "basis": "sign_u", "coefficient": -drag_mN}
     gravity = {"id": "mass-offset", "x_mm": MM_PER_M * values["gravity_x_m"], "y_mm": 0.0}
-    entries = (lag, {"id": "speed-limit", **limits}, *mixing, drag, gravity)
+    entries = (lag, {"id": "speed-limit", **limits}, {"id": "acceleration-limit", **ramps}, *mixing, drag, gravity)
     effects = tuple(map(EffectEntry.model_validate, entries))
     return robot.model_copy(update={"slip": slip, "effect": (*robot.effect, *effects)})
 

@@ -63,7 +63,7 @@ def test_windows_are_read_from_their_own_starts_with_the_commands_before_them(fo
 def test_the_model_with_the_true_numbers_predicts_the_windows(folder: Path) -> None:
     drive = load(folder)
     unchanged = {"common": 1.0, "difference": 1.0, "drag_of_weight": 1e-12, "gravity_x_m": 0.0, "pose_x_m": 0.0}
-    limits = {name: 1e9 for name in NUMBERS if name.endswith("_limit")}
+    limits = {name: 1e9 for name in NUMBERS if name.endswith(("_limit", "_ramp_per_s"))}
     slip = {name: 1.0 for name in NUMBERS if name.endswith(("_friction", "_stiffness"))}
     model = Model(load_robot(ROBOT), drive)
     poses = model.poses(LAG | unchanged | limits | slip, np.arange(len(drive)))
