@@ -14,6 +14,7 @@ from tests.driven_robot.drive import Drive
 
 Array = NDArray[np.float64]
 LENGTH = 0.5  # logarithm of the usual length of the process, in standard deviations of the commands
+WIDEST = 6.0  # bounds of the logarithms of sizes and lengths: a factor of 400 either way
 # A robot on ground slips, bumps and is pushed now and then: Student's t of few degrees of freedom, in two passes.
 FREEDOM, PASSES, SIGMAS_PER_MEDIAN = 4.0, 2, 1.4826
 SIGMAS = np.array([0.2, 0.2, 0.15])  # m, m, rad: what a good prediction leaves; weighs position against heading
@@ -127,7 +128,9 @@ def _process(inputs: Array, values: Array, weights: Array, asked: Array) -> Arra
 
     size = np.log(values.std() + 1e-9)
     start = np.r_[size, size - 0.5, np.full(inputs.shape[1], LENGTH)]
-    found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 40}).x
+    # a first step along a steep slope may leave the range of numbers: of 300 windows of a Warthog on gravel, it did
+    bounds = [(middle - WIDEST, middle + WIDEST) for middle in start]
+    found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 40}).x
     lengths = np.exp(-2 * found[2:])
     matrix = np.exp(2 * found[0] - 0.5 * squares @ lengths) + np.diag(np.exp(2 * found[1]) / weights)
     across = np.exp(2 * found[0] - 0.5 * (asked[:, None] - inputs[None]) ** 2 @ lengths)

@@ -15,6 +15,7 @@ from simulator.run import State
 from simulator.simulation import simulate
 from tests.driven_robot.corrected import NUMBERS, Model
 from tests.driven_robot.drive import Drive, command_of, load, write_experiment
+from tests.driven_robot.peers import _process
 
 ROBOT = Path(__file__).parent / "husky.toml"
 REAL = Path(__file__).parents[3] / "shared" / "real" / "skid_steer_husky"
@@ -77,6 +78,13 @@ def test_the_model_with_the_true_numbers_predicts_the_windows(folder: Path) -> N
     assert usual == pytest.approx(4.5)
     limited = mixed | {"ahead_limit": 7.0 / usual, "turn_limit": 0.3 / usual, "wheel_limit": 7.2 / usual}
     assert model.wheels_rad_s(limited, np.array([-5.0, -3.0])) == pytest.approx((-7.2, -6.7))
+
+
+def test_a_gaussian_process_follows_values_without_noise() -> None:
+    """Their noise tends to nought, and a first step along so steep a likelihood left the range of numbers."""
+    inputs = np.random.default_rng(2).normal(size=(40, 4))
+    values = 50.0 * np.sin(3.0 * inputs[:, 0])
+    assert _process(inputs, values, np.ones(40), inputs) == pytest.approx(values, abs=1.0)
 
 
 def test_poses_and_logs_of_a_large_robot_are_measured_and_compared(folder: Path, tmp_path: Path) -> None:
