@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,6 +104,7 @@ def diagnose(
         )
     if write_effect is not None:
         _write_effect(found, write_effect)
+    say_unused(experiments[0], found.content.get("own_effects", {}))
     if as_json:
         click.echo(json.dumps(found.content, indent=2, ensure_ascii=False))
     elif not quiet:
@@ -110,6 +112,17 @@ def diagnose(
     if mend:
         say_mended(experiments[0], out)
     return _left_out(found.content)
+
+
+def say_unused(experiment: Path, tested: Mapping[str, str]) -> None:
+    """Name the Python effects beside an experiment that were not tested; tested: files by id."""
+    from simulator.own_effects.files import FOLDER
+
+    named = {Path(file).resolve() for file in tested.values()}
+    for path in sorted((experiment.parent / FOLDER).glob("*.py")):
+        if path.resolve() not in named:
+            text = f"note: {path} was not tested: a Python file is executed only if you name it (--effect {path})"
+            click.echo(text, err=True)
 
 
 def _diagnose_several(

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from evaluator.cli.diagnose import say_unused
 from evaluator.cli.effects import effects
 from evaluator.errors import InputError
 from simulator.effects.catalogue import EFFECTS, OWN
@@ -70,3 +71,17 @@ def test_a_file_that_is_there_is_not_overwritten() -> None:
     said("new", "mixed-drive")
     with pytest.raises(InputError, match="exists already"):
         said("new", "mixed-drive")
+
+
+def test_a_diagnosis_names_the_python_effects_beside_it_that_it_did_not_test(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "effects"
+    folder.mkdir()
+    for name in ("tested.py", "forgotten.py", "other.toml"):
+        (folder / name).touch()
+    say_unused(tmp_path / "experiment.toml", {"tested": str(folder / "tested.py"), "installed": "installed"})
+    assert capsys.readouterr().err == (
+        f"note: {folder / 'forgotten.py'} was not tested: a Python file is executed only if you name it "
+        f"(--effect {folder / 'forgotten.py'})\n"
+    )
