@@ -62,12 +62,14 @@ def test_every_dot_is_linked_to_its_cell() -> None:
     assert sorted(seen) == list(range(50))
 
 
+SQUARE = np.array([10.0, 0.0, 0.0, 10.0])
+
+
 def grown(
-    points: Array, seed: int, odd: NDArray[np.bool_] | None = None
+    points: Array, seed: int, odd: NDArray[np.bool_] | None = None, basis: Array = SQUARE
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     none = np.zeros(len(points), bool)
     cells, following, origin = growth.bucket(points, 10.0)
-    basis = np.array([10.0, 0.0, 0.0, 10.0])
     given = (points, seed, basis, none if odd is None else odd, none, cells, following, 10.0, origin)
     index, member = growth.grow(*given)
     return index, member
@@ -98,3 +100,14 @@ def test_growth_crosses_one_missing_line_but_not_two_and_follows_a_bend() -> Non
     found, member = grown(bent, 9)
     assert (member >= 0).all()
     np.testing.assert_array_equal(found, index - index[9])
+
+
+@pytest.mark.parametrize("step", growth.STEPS[:8])
+def test_a_single_line_is_followed_in_every_direction_of_a_slanted_basis(step: tuple[int, int]) -> None:
+    """Its steps grow by half a per cent; each dot is predicted from the two before it alone."""
+    basis = np.array([[8.0, 5.0], [-4.0, 9.0]])
+    along = np.arange(9.0)
+    points = (along + 0.0025 * along**2)[:, None] * (np.array(step) @ basis) + [300.0, 200.0]
+    found, member = grown(points, 0, basis=basis.ravel())
+    assert (member >= 0).all()
+    np.testing.assert_array_equal(found, np.arange(9)[:, None] * np.array(step))

@@ -19,7 +19,10 @@ from tests.calibration.known_dots import MARKED, PLAIN, dots_at, of, places, vie
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("skew", [[[1, 0], [1, 1]], [[2, 1], [1, 1]], [[1, 3], [0, 1]], [[0, 1], [-1, 0]]])
+SKEWS = [[[1, 0], [1, 1]], [[1, 0], [-1, 1]], [[2, 1], [1, 1]], [[1, 3], [0, 1]], [[1, -1], [0, 1]], [[0, 1], [-1, 0]]]
+
+
+@pytest.mark.parametrize("skew", SKEWS)
 def test_indices_are_those_of_the_shortest_basis(skew: list[list[int]]) -> None:
     """Dots 10 px apart along x and 12 px along y, numbered in another basis of the same lattice."""
     index = places(6, 5)
@@ -86,6 +89,41 @@ def test_an_array_is_counted_across_and_down_the_image(upright: bool) -> None:
     assert rows_and_columns(of(np.stack([diagonal.sum(axis=1), diagonal[:, 1] - diagonal[:, 0]], axis=1) // 2))[0] == (
         "staggered"
     )
+
+
+DIAGONALS = [
+    [[1, -1], [1, 1]],
+    [[1, 1], [-1, 1]],
+    [[2, 1], [0, 1]],
+    [[1, 2], [1, 0]],
+    [[2, -1], [0, 1]],
+    [[-1, 2], [1, 0]],
+]
+
+
+@pytest.mark.parametrize("basis", DIAGONALS)
+def test_a_staggered_array_is_read_along_its_rows_in_whatever_basis_it_is_numbered(basis: list[list[int]]) -> None:
+    """Rows of four dots, five of them, of which every second is half a pitch to the right: read the other way, they
+    fill their box less.
+
+    basis: steps across (half a pitch each) and down, in terms of the basis of the numbers.
+    """
+    steps = np.array([(2 * column + row % 2, row) for row in range(5) for column in range(4)])
+    index = np.rint(steps @ np.linalg.inv(basis).T).astype(int)
+    np.testing.assert_array_equal(index @ np.transpose(basis), steps)
+    layout, found = rows_and_columns(of(index - [3, 8]))
+    assert (layout, found.tolist()) == ("staggered", np.stack([steps[:, 0] // 2, steps[:, 1]], axis=1).tolist())
+    assert array_size(of(index), steps * [10.0, 20.0]) == ("staggered", 4, 5)
+    assert array_size(of(index), steps * [20.0, 10.0]) == ("staggered", 3, 8)  # its columns are the nearer ones
+
+
+def test_an_empty_place_counts_from_a_dots_width_within_the_image() -> None:
+    """Places left, above, right and below of three by three dots of 8 px lie 7, 8, 9 or more px within its rim."""
+    index = places(3, 3)
+    for margin, seen in ((7, 0), (8, 0), (9, 12), (10, 12)):
+        size_px = (2 * margin + 81, 2 * margin + 81)  # pixel centres from 0: the last place is 80 px from the first
+        free, light = places_without_dot(dots_at(20.0 * index + 20 + margin, size_px=size_px), of(index))
+        assert (len(free), light.tolist()) == (seen, [0.0] * seen)
 
 
 def test_places_without_a_dot_have_the_light_of_the_sheet_beside_them_in_contrasts() -> None:
