@@ -55,7 +55,9 @@ def radius_against_ratio(runs: Sequence[RunView], *, magnetic: bool = True) -> F
             ratios, column(turning, "simulated_radius_mm", "comparison"), **SIMULATED.markers(), label="simulation"
         )
         if magnetic:
-            axes.plot(curve, 2.5735 * curve**-1.5141, color=THEORY.color, ls=THEORY.line, label="equation (11)")
+            from simulator.paper.numbers import equation_11  # all numbers of the paper: only here
+
+            axes.plot(curve, equation_11(curve), color=THEORY.color, ls=THEORY.line, label="equation (11)")
         _radius_axis(axes, "ratio of difference to the faster wheel", unit_of(turning))
         axes.set_xscale("log")
         plain_numbers(axes.xaxis)
