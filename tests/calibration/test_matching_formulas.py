@@ -69,6 +69,13 @@ def test_a_part_does_not_join_a_small_array_nor_on_places_that_are_taken_nor_wit
     assert lattice._joined(wide, main, part) is None
 
 
+@pytest.mark.parametrize(("known", "whole"), [(5, False), (6, True), (100, True), (101, False)])
+def test_lattices_of_six_to_a_hundred_dots_are_continued(known: int, whole: bool) -> None:
+    index = places(3, 4) if known < 9 else places(11, 11)
+    found = lattice._completed(dots_at(20.0 * index + 30), Lattice(np.arange(known), index[:known]))
+    assert len(found) == (len(index) if whole else known)
+
+
 def test_members_that_are_tiny_or_faint_are_dirt() -> None:
     index = places(6, 5)
     size, contrast = np.full(30, 10.0), np.full(30, 100.0)
@@ -78,10 +85,11 @@ def test_members_that_are_tiny_or_faint_are_dirt() -> None:
     assert sorted(set(range(30)) - set(kept.tolist())) == [8, 22]
 
 
-@pytest.mark.parametrize("upright", [False, True])
-def test_an_array_is_counted_across_and_down_the_image(upright: bool) -> None:
+@pytest.mark.parametrize(("turn_deg", "upright"), [(0, False), (20, False), (70, True), (110, True), (160, False)])
+def test_an_array_is_counted_across_and_down_the_image(turn_deg: float, upright: bool) -> None:
     index = places(5, 3)
-    points = 10.0 * (index[:, ::-1] if upright else index)
+    cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    points = index @ np.array([[13.0 * cosine, 13.0 * sine], [-10.0 * sine, 10.0 * cosine]])
     assert array_size(of(index), points) == (("square", 3, 5) if upright else ("square", 5, 3))
     layout, found = rows_and_columns(of(np.add(index, [4, -7])))
     assert (layout, found.tolist()) == ("square", index.tolist())
@@ -114,7 +122,8 @@ def test_a_staggered_array_is_read_along_its_rows_in_whatever_basis_it_is_number
     layout, found = rows_and_columns(of(index - [3, 8]))
     assert (layout, found.tolist()) == ("staggered", np.stack([steps[:, 0] // 2, steps[:, 1]], axis=1).tolist())
     assert array_size(of(index), steps * [10.0, 20.0]) == ("staggered", 4, 5)
-    assert array_size(of(index), steps * [20.0, 10.0]) == ("staggered", 3, 8)  # its columns are the nearer ones
+    for ratio, size in ((0.577, (4, 5)), (1.0, (4, 5)), (1.25, (4, 5)), (1.4, (3, 8)), (1.732, (3, 8))):
+        assert array_size(of(index), steps * [10.0 * ratio, 10.0]) == ("staggered", *size)  # rows are the nearer dots
 
 
 def test_an_empty_place_counts_from_a_dots_width_within_the_image() -> None:
@@ -189,6 +198,9 @@ def test_a_part_of_a_gauge_is_placed_where_it_ends_and_uncertain_where_it_does_n
     index = places(9, 7)
     inner = match_gauge(*view(PLAIN, keep=(index > 0).all(axis=1) & (index < [6, 5]).all(axis=1))[:2], PLAIN)
     assert (inner.certain, inner.extent) == (False, ("short", "short"))
+    column = gauge_of(columns=9, rows=7, fiducial=[{"column": 1, "row": row, "diameter_mm": 0.7} for row in range(7)])
+    strip = match_gauge(*view(column, keep=(index[:, 1] > 0) & (index[:, 1] < 5))[:2], column)
+    assert not strip.certain  # no other turn fits, but two shifts do
     lost = match_gauge(*view(MARKED, keep=index[:, 0] > 0)[:2], MARKED)
     assert (lost.certain, len(lost), lost.column.min(), lost.unseen) == (True, 56, 1, 7)
     for count, refused in ((2, False), (7, False), (8, True)):  # a tenth of all

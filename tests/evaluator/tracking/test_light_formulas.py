@@ -202,3 +202,43 @@ def test_of_many_bright_blobs_the_two_dozen_strongest_are_followed(monkeypatch: 
         after[moving] = blob(40.0 * moving, 4.0, light=100.0 - moving)
         said = shown.look(*after)
         assert (said == [40.0 * moving]) == (moving == 23) == (found != ["ambiguous"])
+
+
+def test_what_is_as_bright_is_told_with_its_place_in_the_frame_and_why_it_is_no_light() -> None:
+    """A field of odd rows with lights of 5 by 5 px, one of which is dim, a stripe and a single pixel."""
+    luma = np.zeros((50, 100), np.uint8)
+    for row, column, half, level in ((30, 60, 2, 250), (40, 20, 2, 240), (20, 80, 1, 200)):
+        luma[row - half : row + half + 1, column - half : column + half + 1] = level
+    luma[10:13, 20:40] = 220
+    luma[5, 70] = 210
+    frame = frame_of(luma, origin=1, step=2)
+
+    def told(*names: str) -> list[tuple[tuple[float, float], float, str, bool]]:
+        settings = TrackingSettings.model_validate({"mark": {name: {"kind": "light"} for name in names}})
+        shown = explain.explain_luma(frame, settings)
+        assert [(seen.mark, seen.cell_px, seen.origin_px) for seen in shown] == [
+            (name, (1.0, 2.0), (0.0, 1.0)) for name in names
+        ]
+        np.testing.assert_array_equal(shown[0].mask, luma > 0)
+        assert shown[0].sought.startswith(f"sought: {len(names)} of lights, luma above 100 of 255")
+        return [(thing.center_px, thing.radius_px, thing.verdict, thing.chosen) for thing in shown[0].things]
+
+    refused = [
+        ((29.5, 23.0), 10.0, "a stripe: 20 by 3 px", False),
+        ((70.0, 11.0), 0.5, "too small: 1 px, at least 3 are needed", False),
+    ]
+    strong, weak = [((60.0, 61.0), 2.5), ((20.0, 81.0), 2.5)], ((80.0, 41.0), 1.5)
+    two = told("a", "b")
+    assert [thing[:2] for thing in two] == [*strong, weak, *(thing[:2] for thing in refused)]
+    assert [thing[2:] for thing in two[:2]] == [("likely a light", True)] * 2
+    assert two[2][2:] == (
+        f"too weak: {100 * 9 * 200 / (25 * 240):.0f} % of the light of the weakest that is sought",
+        False,
+    )
+    assert two[3:] == refused
+    one, three, four = told("a"), told("a", "b", "c"), told("a", "b", "c", "d")
+    assert [thing[2] for thing in one[:2]] == [
+        "one of 2 where 1 are sought: lights are those that move; say region_px"
+    ] * 2
+    assert [thing[3] for thing in three] == [True] * 3 + [False] * 2
+    assert {thing[2] for thing in four[:3]} == {"likely a light, but only 3 of 4 that are sought are seen"}

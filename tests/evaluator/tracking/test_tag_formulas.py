@@ -168,3 +168,21 @@ def test_the_uncertainty_of_a_tag_is_that_of_its_noise() -> None:
         off = found[0] - [corners.mean(axis=0), *corners]
         squares.append(np.einsum("ki,kij,kj->k", off, np.linalg.inv(found[1]), off) / 2)
     assert 0.5 < np.mean(squares) < 1.6
+
+
+def test_a_border_tells_as_much_as_its_pixels_and_none_where_they_are_too_few() -> None:
+    """A sheet is white above 49.5 px; its edge is sampled once a px over the inner part between corners at 50 px."""
+    luma = np.where(np.arange(100)[:, None] < 50, 200, 0).repeat(100, axis=1).astype(np.uint8)
+    for length in (40.0, 64.0):
+        found = tag_borders._line(luma, np.array([20.0, 50.0]), np.array([20.0 + length, 50.0]))
+        assert found is not None
+        count = int(length * (1 - 2 * tag_borders.KEPT))
+        where = np.linspace(-0.5 + tag_borders.KEPT, 0.5 - tag_borders.KEPT, count)
+        np.testing.assert_allclose(found[0], [0.5, 0.0], atol=1e-6)  # half a px outward
+        np.testing.assert_allclose(found[1], [[20 + length / 2, 50.0], [length, 0.0], [0.0, -1.0]])
+        usual = tag_borders.ALIKE * tag_borders.FLOOR_PX**2
+        np.testing.assert_allclose(found[2], np.diag([usual / count, usual / (where @ where)]), rtol=1e-3, atol=1e-9)
+    fewest = tag_borders.FEWEST / (1 - 2 * tag_borders.KEPT)
+    for length, seen in ((fewest + 0.01, True), (fewest - 0.01, False)):
+        assert (tag_borders._line(luma, np.array([20.0, 50.0]), np.array([20.0 + length, 50.0])) is not None) is seen
+    assert tag_borders._line(luma, np.array([60.0, 50.0]), np.array([20.0, 50.0])) is None  # white lies inward
