@@ -10,7 +10,7 @@ from evaluator import robust
 from evaluator.diagnosis.assessment import disagreeing_runs, disagreement, gap, knowledge, model_comparison, verdict
 from evaluator.diagnosis.assessment.unexplained import LAID_ON
 from evaluator.diagnosis.design.next_runs import RIVAL_PROBABILITY
-from evaluator.diagnosis.likelihood.noise import discrepancy, tracking
+from evaluator.diagnosis.likelihood.noise import discrepancy, spectrum
 from evaluator.interchange.poses import MEDIAN_OF_CHI2
 from evaluator.tracking.refinement import edge, fast_path, occlusion, slow_path
 from evaluator.tracking.uncertainty import rim
@@ -29,6 +29,7 @@ STATED = {
     "sigma of a median deviation": (robust.PER_MEDIAN, 1 / stats.norm.ppf(0.75), 1e-5),
     "median of two channels": (fit.MEDIAN_SQUARED, stats.chi2.median(2), 1e-3),
     "median of a parabola's residuals": (MEDIAN_OF_CHI2[6], stats.chi2.median(6), 1e-4),
+    "median of a mode's power": (spectrum.MEDIAN_OF_POWER, stats.chi2.median(1), 1e-4),
     "median of three slow modes": (discrepancy.MEDIAN_OVER_MEAN, stats.chi2.median(3) / 3, 5e-3),
     "95 % of one parameter": (clock.CHI2_95, stats.chi2.isf(0.05, 1), 1e-3),
     "95 % on both sides": (curvature.Z_975, stats.norm.ppf(0.975), 1e-3),
@@ -54,7 +55,6 @@ STATED = {
     # odds, and ratios that follow from a formula
     "odds of an effect": (math.exp(verdict.KEEP[0]), 3000.0, 0.01),
     "odds of a relieving effect": (math.exp(verdict.RELIEVING), 400.0, 0.01),
-    "a mean of the median's power": (tracking.OF_MEDIAN, (1.414 / 1.6) ** 2, 2e-3),
     "rate after a fitted start": (LAID_ON**2, 1 / 3 - 1 / 4, 1e-9),
     "an edge that is neglected": (math.hypot(1, slow_path.NEGLIGIBLE), 1 + 1 / 8, 0.01),
     "few squares": (rim.FEW_SQUARES, rim.SQUARES * stats.invgamma(rim.SQUARES / 2, scale=0.5).mean(), 1e-9),

@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from calibration.compilation import compiled
 from evaluator.diagnosis.likelihood.noise.friction_wander import Whitening
-from evaluator.diagnosis.likelihood.noise.spectrum import TAPERED, Spectrum, spectrum
+from evaluator.diagnosis.likelihood.noise.spectrum import MEDIAN_OF_POWER, TAPERED, Spectrum, spectrum
 from evaluator.diagnosis.likelihood.noise.tracking import (
     FEWEST_MODES,
     QUANTIZATION_MM,
@@ -33,6 +33,9 @@ FASTEST_HZ = 3.0  # includes two wheel revolutions a second at 90 rpm, and a mot
 MOST_MODES = 72  # of a run of 12 s at FASTEST_HZ; longer ones, whose cost grows with it, are seen less fast
 AT_ONCE = 16  # frames
 DISTANCE_MODES = 8  # few, because the distance of the marks is constant except for errors of the camera
+# Deviation of a run's median power from the common one, over the root of its independent modes, from which a run has an
+# amplitude of its own: 3.2 standard errors of 2.0, which noise alone exceeds in one of 700 runs.
+UNLIKE = 6.4
 # Difference of two correct implementations of the same model: steps, start transients, regularization.
 MODEL_FLOOR_MM = 3e-4
 
@@ -250,8 +253,8 @@ def _amplitude(spectra: tuple[Spectrum, ...], noise: Noise) -> float:
     every = np.concatenate(ratios)
     if len(every) < 50:
         return 1.0
-    level = float(np.median(every) / 0.4549)
-    return float(np.sqrt(level)) if abs(level - 1) > 4 * 1.6 / np.sqrt(TAPERED * len(every)) else 1.0
+    level = float(np.median(every) / MEDIAN_OF_POWER)
+    return float(np.sqrt(level)) if abs(level - 1) > UNLIKE / np.sqrt(TAPERED * len(every)) else 1.0
 
 
 def residual_spectra(time_s: Floats, residual_mm: Floats, since_s: float) -> tuple[Spectrum, ...]:

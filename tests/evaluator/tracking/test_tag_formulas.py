@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -186,3 +187,21 @@ def test_a_border_tells_as_much_as_its_pixels_and_none_where_they_are_too_few() 
     for length, seen in ((fewest + 0.01, True), (fewest - 0.01, False)):
         assert (tag_borders._line(luma, np.array([20.0, 50.0]), np.array([20.0 + length, 50.0])) is not None) is seen
     assert tag_borders._line(luma, np.array([60.0, 50.0]), np.array([20.0, 50.0])) is None  # white lies inward
+
+
+def test_outlines_are_sought_from_the_perimeter_of_the_smallest_tag_that_is_seen_aslant() -> None:
+    """A detector that finds tags 7 and 3 and refuses one outline: each corner (4, 2) of its own."""
+    corners = np.arange(24.0).reshape(3, 1, 4, 2).astype(np.float32)
+    parameters = SimpleNamespace(minMarkerPerimeterRate=0.03)
+    for numbers in (np.array([[7], [3]]), None):
+        detector: Any = SimpleNamespace(
+            getDetectorParameters=lambda: parameters,
+            setDetectorParameters=lambda _: None,
+            detectMarkers=lambda _, numbers=numbers: (corners[:2] if numbers is not None else [], numbers, corners[2:]),
+        )
+        read, refused = tags._outlines(detector, np.zeros((50, 200), np.uint8), 12.0)
+        assert parameters.minMarkerPerimeterRate * 200 == pytest.approx(4 * 12.0 / tags.SLANTING)
+        assert [number for number, _ in read] == ([7, 3] if numbers is not None else [])
+        for (_, found), drawn_ in zip(read, corners, strict=False):
+            np.testing.assert_array_equal(found, drawn_[0])
+        np.testing.assert_array_equal(refused, corners[2])

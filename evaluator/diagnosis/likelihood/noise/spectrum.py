@@ -12,6 +12,7 @@ from scipy.fft import dct
 Floats = NDArray[np.float64]
 
 SLOWEST_HZ = 0.6  # the misfit of a model lives below: a robot needs seconds to cross the plate or to turn
+MEDIAN_OF_POWER = 0.4549  # of its mean: a squared normal number, chi-square with one degree of freedom
 TAPERED = 0.514  # share of the modes of a tapered series that are independent: mean(taper²)² / mean(taper⁴)
 
 
