@@ -48,7 +48,7 @@ def test_columns_of_a_staggered_array_gain_one_every_second_row(layout: str, shi
     [
         (GAUGE, (-1, None), range(3), True), (GAUGE, (-1, None), range(2), False), (GAUGE, (6, None), range(3), True),
         (GAUGE, (7, None), range(5), False), (GAUGE, (None, -1), range(3), True), (GAUGE, (None, 5), range(3), True),
-        (GAUGE, (None, 6), range(6), False), (GAUGE, (-1, None), range(5, 9), False),  # beside no dot of the array
+        (GAUGE, (None, 6), range(6), False), (GAUGE, (-1, None), range(5, 12), False),  # beside no dot
         (gauge_of(columns=10, rows=5), (None, -1), range(5), True),
         (gauge_of(columns=10, rows=5), (None, -1), range(4), False),  # less than half of a line
     ],
@@ -121,6 +121,8 @@ def test_dots_are_as_large_as_the_cell_that_they_span_says() -> None:
     width = np.where((column == 0) & (row == 0), 3.0, 6.0)
     assert size_ratio(points, width, column, row, wide) == pytest.approx(6.0 / (1.2 * 10 / 3))
     assert np.isnan(size_ratio(points[:2], width[:2], column[:2], row[:2], wide))
+    every = places(6, 5)
+    assert size_ratio(10.0 * every, np.full(30, 6.0), *every.T, gauge) == pytest.approx(6.0 / (1.2 * 10 / 3))
     lattice = Lattice(np.arange(12), places(4, 3))
     assert does_not_fit(lattice, GAUGE).startswith(
         "the image shows a square array of about 4 × 3 dots (12 seen), which does not fit the gauge "

@@ -111,3 +111,28 @@ def test_a_single_line_is_followed_in_every_direction_of_a_slanted_basis(step: t
     found, member = grown(points, 0, basis=basis.ravel())
     assert (member >= 0).all()
     np.testing.assert_array_equal(found, np.arange(9)[:, None] * np.array(step))
+    # Of three dots the outer ones lie 2.3 px off to one side of the line, three quarters of what is allowed: the second
+    # of them is expected half as far to that side.
+    for aside in ([2.3, 0.0], [-2.3, 0.0], [0.0, 2.3], [0.0, -2.3]):
+        bent = np.array([[0], [1], [-1]]) * (np.array(step) @ basis) + np.array([[0], [1], [1]]) * aside + 300
+        found, member = grown(bent, 0, basis=basis.ravel())
+        np.testing.assert_array_equal(found, [[0, 0], step, np.negative(step)])
+
+
+def test_the_basis_of_a_dot_is_the_mean_of_its_arms_without_odd_dots() -> None:
+    """A dot at (50, 40) with neighbours that lie 8 and 11 px beside it, and 9 and 13 px below and above."""
+    points = np.array([[42.0, 41.0], [50.0, 40.0], [61.0, 40.0], [50.0, 31.0], [49.0, 53.0]])
+    grid = np.full((3, 3), -1)
+    grid[0, 1], grid[1, 1], grid[2, 1], grid[1, 0], grid[1, 2] = range(5)
+    for odd, basis in (
+        ([], [9.5, -0.5, -0.5, 11.0]),
+        ([0], [11.0, 0.0, -0.5, 11.0]),
+        ([2], [8.0, -1.0, -0.5, 11.0]),
+        ([0, 2], [7.0, 7.0, -0.5, 11.0]),  # as it was inherited
+        ([3], [9.5, -0.5, -1.0, 13.0]),
+        ([4], [9.5, -0.5, 0.0, 9.0]),
+        ([3, 4], [9.5, -0.5, 7.0, 7.0]),
+    ):
+        found = np.full(4, 7.0)
+        growth._local_basis(points, grid, np.isin(np.arange(5), odd), 1, 1, 1, found)
+        np.testing.assert_allclose(found, basis)

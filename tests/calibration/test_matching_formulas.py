@@ -93,6 +93,7 @@ def test_an_array_is_counted_across_and_down_the_image(turn_deg: float, upright:
     assert array_size(of(index), points) == (("square", 3, 5) if upright else ("square", 5, 3))
     layout, found = rows_and_columns(of(np.add(index, [4, -7])))
     assert (layout, found.tolist()) == ("square", index.tolist())
+    assert all(rows_and_columns(of(index[cut:]))[0] == "square" for cut in (1, 2, 3))  # the rim of the image cuts it
     diagonal = index[(index.sum(axis=1) % 2) == 0]  # every second place of a square array is a staggered one
     assert rows_and_columns(of(np.stack([diagonal.sum(axis=1), diagonal[:, 1] - diagonal[:, 0]], axis=1) // 2))[0] == (
         "staggered"
@@ -122,6 +123,7 @@ def test_a_staggered_array_is_read_along_its_rows_in_whatever_basis_it_is_number
     layout, found = rows_and_columns(of(index - [3, 8]))
     assert (layout, found.tolist()) == ("staggered", np.stack([steps[:, 0] // 2, steps[:, 1]], axis=1).tolist())
     assert array_size(of(index), steps * [10.0, 20.0]) == ("staggered", 4, 5)
+    assert rows_and_columns(of(index[(steps[:, 1] > 0) | (steps[:, 0] > 3)]))[0] == "staggered"  # two are missing
     for ratio, size in ((0.577, (4, 5)), (1.0, (4, 5)), (1.25, (4, 5)), (1.4, (3, 8)), (1.732, (3, 8))):
         assert array_size(of(index), steps * [10.0 * ratio, 10.0]) == ("staggered", *size)  # rows are the nearer dots
 
