@@ -22,9 +22,9 @@ KEPT = 0.15  # share of a side that is left out at each corner, where the other 
 WINDOW, STEPS = 0.3, 5
 STEP = 0.25  # px between samples of a profile
 FEWEST = 5  # points for a line
-# Points one pixel apart have correlated errors from interpolation and codec: least and largest factor of the variance;
-# between these it follows from the correlation of neighbours.
-ALIKE, MOST_ALIKE = 2.0, 9.0
+# Points one pixel apart have correlated errors from interpolation and codec: least factor of the variance, and largest
+# correlation of neighbours, from which the factor follows (nine at most).
+ALIKE, MOST_CORRELATED = 2.0, 0.8
 FLOOR_PX = 0.01  # least uncertainty of a point of an edge, per axis, by interpolation between pixels
 CLIPPED = 3.0  # robust sigmas from the line beyond which a point is an outlier
 MOST_SCATTER_PX = 0.6  # largest scatter of points about a straight border
@@ -93,8 +93,8 @@ def _line(luma: Image, start: Array, end: Array) -> tuple[Array, Array, Array] |
     if variance > MOST_SCATTER_PX**2:
         return None
     design = np.stack([np.ones(int(kept.sum())), where[kept]], axis=1)
-    alike = float(np.clip(np.mean(left[1:] * left[:-1]) / variance, 0.0, 0.8))
-    times = float(np.clip((1 + alike) / (1 - alike), ALIKE, MOST_ALIKE))
+    alike = min(float(np.mean(left[1:] * left[:-1])) / variance, MOST_CORRELATED)
+    times = max((1 + alike) / (1 - alike), ALIKE)
     covariance = times * variance * np.linalg.inv(design.T @ design)
     return fitted, np.stack([middle, along * length, outward]), covariance
 
