@@ -205,3 +205,18 @@ def test_outlines_are_sought_from_the_perimeter_of_the_smallest_tag_that_is_seen
         for (_, found), drawn_ in zip(read, corners, strict=False):
             np.testing.assert_array_equal(found, drawn_[0])
         np.testing.assert_array_equal(refused, corners[2])
+
+
+@pytest.mark.parametrize(("period", "factor"), [(8.0, 5.3), (16.0, 9.0), (3.5, 2.0)])
+def test_a_wavy_border_tells_less_the_more_its_neighbouring_points_are_alike(period: float, factor: float) -> None:
+    """Waves of 0.2 px: of points 1.04 px apart, the correlation is the cosine of the phase, and at most 0.8."""
+    y, x = np.mgrid[0:100, 0:100]
+    edge = 49.5 + 0.2 * np.cos(2 * np.pi * x / period)
+    luma = np.rint(100.0 * (1 - erf((y - edge) / sqrt(2)))).astype(np.uint8)
+    found = tag_borders._line(luma, np.array([20.0, 50.0]), np.array([84.0, 50.0]))
+    assert found is not None
+    count = int(64 * (1 - 2 * tag_borders.KEPT))
+    at = np.linspace(-0.5 + tag_borders.KEPT, 0.5 - tag_borders.KEPT, count) * 64 + 52
+    low = np.floor(at).astype(int)
+    waves = -(edge[0, low] + (at - low) * (edge[0, low + 1] - edge[0, low]))  # interpolated between pixels
+    assert found[2][0, 0] * count == pytest.approx(factor * np.var(waves), rel=0.15)
