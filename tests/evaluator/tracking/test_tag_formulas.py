@@ -183,8 +183,7 @@ def test_a_border_tells_as_much_as_its_pixels_and_none_where_they_are_too_few() 
         np.testing.assert_allclose(found[1], [[20 + length / 2, 50.0], [length, 0.0], [0.0, -1.0]])
         usual = tag_borders.ALIKE * tag_borders.FLOOR_PX**2
         np.testing.assert_allclose(found[2], np.diag([usual / count, usual / (where @ where)]), rtol=1e-3, atol=1e-9)
-    fewest = tag_borders.FEWEST / (1 - 2 * tag_borders.KEPT)
-    for length, seen in ((fewest + 0.01, True), (fewest - 0.01, False)):
+    for length, seen in ((7.15, True), (7.13, False)):  # five points on seven tenths of it
         assert (tag_borders._line(luma, np.array([20.0, 50.0]), np.array([20.0 + length, 50.0])) is not None) is seen
     assert tag_borders._line(luma, np.array([60.0, 50.0]), np.array([20.0, 50.0])) is None  # white lies inward
 
