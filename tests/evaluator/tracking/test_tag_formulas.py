@@ -181,7 +181,7 @@ def test_a_border_tells_as_much_as_its_pixels_and_none_where_they_are_too_few() 
         where = np.linspace(-0.5 + tag_borders.KEPT, 0.5 - tag_borders.KEPT, count)
         np.testing.assert_allclose(found[0], [0.5, 0.0], atol=1e-6)  # half a px outward
         np.testing.assert_allclose(found[1], [[20 + length / 2, 50.0], [length, 0.0], [0.0, -1.0]])
-        usual = tag_borders.ALIKE * tag_borders.FLOOR_PX**2
+        usual = 2.0 * 0.01**2  # a hundredth of a px, and two points that are alike count as one
         np.testing.assert_allclose(found[2], np.diag([usual / count, usual / (where @ where)]), rtol=1e-3, atol=1e-9)
     for length, seen in ((7.15, True), (7.13, False)):  # five points on seven tenths of it
         assert (tag_borders._line(luma, np.array([20.0, 50.0]), np.array([20.0 + length, 50.0])) is not None) is seen
