@@ -167,6 +167,10 @@ def test_a_whole_array_is_assigned_and_a_second_one_counted() -> None:
     assert assign_grid(dots_at(dots.centers_px, contrast=faint)).others == 0  # the weave of a cloth
     assert assign_grid(dots_at(np.concatenate([points, other[:23]]))).others == 0  # less than half of the first
     assert len(assign_grid(dots_at(points[:5]))) == 0
+    width = np.append(np.full(48, 8.0), 3.0)  # dirt at the place after the last dot of a row
+    assert sorted(assign_grid(dots_at(np.append(points, [[190.0, 80.0]], axis=0), diameter_px=width)).dot) == list(
+        range(48)
+    )
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 37.0, 90.0, 180.0, -100.0])
