@@ -229,7 +229,7 @@ def _missing_elsewhere(
     time, length = course[0], stretch[1] - stretch[0]
     around = AROUND_GAP * float(np.median(np.diff(time)))
     most = 0.0
-    for begin in np.arange(between[0] + around, between[1] - around - length, length / 2):
+    for begin in np.arange(between[0] + around, between[1] - around - length, length / 8):  # meets peaks of a ripple
         low, high = begin - around, begin + length + around
         inside = (time >= low) & (time <= high)
         if (high < stretch[0] or low > stretch[1]) and np.diff(time[inside]).max(initial=0.0) < SHORTEST_GAP_S:

@@ -10,6 +10,8 @@ import pytest
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import (
     _carried,
+    _missing_elsewhere,
+    _missing_over,
     _moving_at,
     displacement_in_gap,
     jump,
@@ -264,3 +266,14 @@ def test_keystone_is_learned_from_four_other_runs_one_of_which_may_be_of_another
     assert abs(expected) > 2e-3
     assert by_keystone(runs[0], seen[1:]) == pytest.approx(expected, rel=0.05)
     assert by_keystone(runs[0], seen[1:4]) == 0.0
+
+
+@pytest.mark.parametrize(("phase", "between"), [(3.5, (0.2, 2.2)), (0.7, (0.97, 2.95))])
+def test_the_largest_displacement_elsewhere_in_a_rippled_run_is_met(phase: float, between: tuple[float, float]) -> None:
+    """A run-out of 20 % at 75 rpm: in steps of half a gap, half of the largest was met."""
+    rate, length = 2 * np.pi * 75 / 60, 0.7
+    way = 4.0 * (TIME - 0.2 / rate * np.cos(rate * TIME + phase))
+    course = TIME, np.column_stack([way, 0 * way]), 0 * way
+    places = np.arange(between[0] + 0.25, between[1] - 0.25 - length, 1 / RATE)
+    largest = max(_missing_over(course, (begin, begin + length), between, 2.0)[0] for begin in places)
+    assert 0.85 * largest < _missing_elsewhere(course, (-1.0, -1.0 + length), between, 2.0)
