@@ -144,7 +144,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         wrongly = [
             phase
             for phase in mine
-            if id(phase) in standing and not _slower_ones_stand_too(phase, [other for other, _ in phases], standing)
+            if id(phase) in standing and not _others_stand_too(phase, [other for other, _ in phases], standing)
         ]
         if wrongly:
             when = "" if len(wrongly) == len(mine) else f" from {wrongly[0].start_s:.2f} s on"
@@ -184,7 +184,7 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     """How far a run gets from its first place, over the path that its faster wheels would roll; infinite at rest."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
-    faster = _faster_rpm(run)
+    faster = _unsigned_rpm(run)[1]
     if seconds <= 0 or not faster:
         return np.inf
     rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
@@ -193,15 +193,23 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95)) / rolled
 
 
-def _slower_ones_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:
-    """Whether all other phases with the same or slower wheel commands also stand still, which indicates a dead band."""
-    faster = _faster_rpm(phase)
-    slower = [other for other in phases if other is not phase and 0 < _faster_rpm(other) <= faster]
-    return bool(slower) and all(id(other) in standing for other in slower)
+def _others_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:
+    """Whether all other phases of this command, in either direction and side, or all of no faster ones, stand as well.
+
+    That indicates a dead band or a drag: a robot whose slower wheel stands may hold still, and accidents do not gather
+    in one command.
+    """
+    speeds = _unsigned_rpm(phase)
+    others = [(_unsigned_rpm(other), id(other) in standing) for other in phases if other is not phase]
+    alike = [stands for rpm, stands in others if rpm == speeds]
+    slower = [stands for rpm, stands in others if 0 < rpm[1] <= speeds[1]]
+    return any(kind and all(kind) for kind in (alike, slower))
 
 
-def _faster_rpm(run: RunData) -> float:
-    return max(abs(run.left_rpm), abs(run.right_rpm))
+def _unsigned_rpm(run: RunData) -> tuple[float, float]:
+    """Speeds of the slower and of the faster wheel, rpm."""
+    speeds = abs(run.left_rpm), abs(run.right_rpm)
+    return min(speeds), max(speeds)
 
 
 def _span(run: RunData) -> tuple[float, float]:

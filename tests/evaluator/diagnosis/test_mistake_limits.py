@@ -131,6 +131,18 @@ def test_a_run_that_stands_is_stuck_unless_all_slower_ones_stand_too() -> None:
         assert kinds(disturbed_runs([still, slower, *faster], [ROBOT] * 6)) == [("r1", "stuck")]  # none is slower
 
 
+@pytest.mark.parametrize(("speed", "stuck"), [(0.0, []), (1.5, ["r0"])])
+def test_a_command_at_which_all_runs_stand_in_any_direction_and_side_is_nobodys_mistake(
+    speed: float, stuck: list[str]
+) -> None:
+    """A wheel at 5 rpm stands in a dead band and holds the robot, though both wheels at 10 rpm move it."""
+    held = replace(driven(0, speed=0.0), left_rpm=-5.0, right_rpm=-33.3)
+    mirrored = replace(driven(1, speed=speed), left_rpm=33.3, right_rpm=5.0)
+    slow = [replace(driven(number), left_rpm=10.0, right_rpm=10.0) for number in range(2, 6)]
+    found = disturbed_runs([held, mirrored, *slow], [ROBOT] * 6)
+    assert [item.run for item in found if item.kind == "stuck"] == stuck
+
+
 @pytest.mark.parametrize(("seconds", "share", "stuck"), [(0.6, 0.0, True), (0.2, 0.0, False), (0.6, 0.5, False)])
 def test_a_run_is_held_that_stops_for_a_quarter_of_a_second(seconds: float, share: float, stuck: bool) -> None:
     time = np.arange(180) / 60
