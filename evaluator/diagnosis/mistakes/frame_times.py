@@ -18,6 +18,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.disturbances import way_over_rolled
 from evaluator.diagnosis.mistakes.motion import arm_mm, midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import Correction, Found
+from evaluator.robust import PER_MEDIAN
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -174,7 +175,7 @@ def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Flo
     advance[~enough] = np.nan
     usual = np.isfinite(advance)
     if usual.any():  # correlated noise, or a motion that a cubic does not follow, scatters more
-        sigma = sigma * max(1.0, 1.4826 * float(np.median(np.abs(advance[usual] / sigma[usual]))))
+        sigma = sigma * max(1.0, PER_MEDIAN * float(np.median(np.abs(advance[usual] / sigma[usual]))))
     return advance, sigma, np.sqrt(square)
 
 
@@ -185,7 +186,7 @@ def _is_outlier(course: Floats) -> NDArray[np.bool_]:
     """
     off = np.zeros_like(course)
     off[1:-1] = np.abs(course[1:-1] - (course[:-2] + course[2:]) / 2)
-    far = off > OUTLIER * 1.4826 * np.median(off, axis=0)
+    far = off > OUTLIER * PER_MEDIAN * np.median(off, axis=0)
     far[1:-1] &= off[1:-1] > ALONE * np.maximum(off[:-2], off[2:])
     return np.asarray(far.any(axis=1))
 
