@@ -52,6 +52,12 @@ class RunCommand:
         return max(held, key=lambda key: held[key], default=(0.0, 0.0))
 
 
+def unsigned_rpm(left_rpm: float, right_rpm: float) -> tuple[float, float]:
+    """Speeds of the slower and of the faster wheel, rpm, without side and sign."""
+    speeds = abs(left_rpm), abs(right_rpm)
+    return min(speeds), max(speeds)
+
+
 def constant(
     left_rpm: float, right_rpm: float, start_s: float, stop_s: float | None, *, starts_at_rest: bool = True
 ) -> RunCommand:

@@ -104,6 +104,16 @@ def test_half_a_run_over_a_varying_plate_is_one_step_beyond_those_of_the_start(e
     assert np.abs(states - truth)[10:300, 3:].max() < 1e-6
 
 
+def test_a_revolution_of_wheels_with_run_out_takes_few_steps() -> None:
+    """Five and a half revolutions; from a constant guess of the velocity, 172 steps."""
+    times = np.linspace(0.0, 10.0, 601)
+    model = compile_robot(with_effects("barrel", {"id": "speed-ripple", "amplitude": 0.2, "phase_deg": 0.0}))[0]
+    states, steps = states_and_steps(model, Command.constant(33.3, 22.0, 0.5), times, 1e-6)
+    assert steps < 80
+    truth, _ = states_and_steps(model, Command.constant(33.3, 22.0, 0.5), times, 1e-10)
+    assert np.abs(states - truth)[:, :2].max() < 5e-6
+
+
 def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocation_goes_on() -> None:
     # The right command goes through zero halfway; there friction bends within microseconds.
     robot = with_effects("barrel", {"id": "plate-tilt", "angle_deg": 4.0, "azimuth_deg": 40.0})

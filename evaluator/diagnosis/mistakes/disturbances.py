@@ -21,6 +21,7 @@ from evaluator.diagnosis.mistakes.motion import (
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
+from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import reference_line
 from evaluator.robust import robust_sigma
 from evaluator.turning.status import SPACING_SHARE
@@ -105,7 +106,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen = f"moves by {moved_mm:.2g} mm before its motors are switched on at start_s = {run.start_s:g} s"
             remedy = "correct start_s, or cut the frames in which a hand moves the robot"
             found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
-    # a delay common to all runs, of the motors or of the clock, is left to the diagnosis
+    # a delay common to all runs, of the motors or of the clock, is left to the diagnosis if no motor is slower
     usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
     no_lag = {run.id for run in data if usual > (SLOWEST_S if run.start_is_stated else MOTORS_S)}
     for run in data:
@@ -184,7 +185,7 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     """How far a run gets from its first place, over the path that its faster wheels would roll; infinite at rest."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
-    faster = _unsigned_rpm(run)[1]
+    faster = unsigned_rpm(run.left_rpm, run.right_rpm)[1]
     if seconds <= 0 or not faster:
         return np.inf
     rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
@@ -199,17 +200,13 @@ def _others_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[i
     That indicates a dead band or a drag: a robot whose slower wheel stands may hold still, and accidents do not gather
     in one command.
     """
-    speeds = _unsigned_rpm(phase)
-    others = [(_unsigned_rpm(other), id(other) in standing) for other in phases if other is not phase]
+    speeds = unsigned_rpm(phase.left_rpm, phase.right_rpm)
+    others = [
+        (unsigned_rpm(other.left_rpm, other.right_rpm), id(other) in standing) for other in phases if other is not phase
+    ]
     alike = [stands for rpm, stands in others if rpm == speeds]
     slower = [stands for rpm, stands in others if 0 < rpm[1] <= speeds[1]]
     return any(kind and all(kind) for kind in (alike, slower))
-
-
-def _unsigned_rpm(run: RunData) -> tuple[float, float]:
-    """Speeds of the slower and of the faster wheel, rpm."""
-    speeds = abs(run.left_rpm), abs(run.right_rpm)
-    return min(speeds), max(speeds)
 
 
 def _span(run: RunData) -> tuple[float, float]:

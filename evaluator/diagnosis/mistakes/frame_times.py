@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.disturbances import way_over_rolled
+from evaluator.diagnosis.mistakes.disturbances import SETTLED_S, way_over_rolled
 from evaluator.diagnosis.mistakes.motion import arm_mm, midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from evaluator.robust import PER_MEDIAN
@@ -39,7 +39,6 @@ REGULAR = 0.1  # largest deviation, in frames, of times that count frames; stamp
 OUTLIER = 6.0  # scatters of a frame about the middle of its neighbours, beyond which it is omitted
 ALONE = 1.5  # times the deviation of a neighbour from its own neighbours: 2 for an outlier, 1 for a step
 UNSTEADY = 0.5  # largest change of the speed within half a window, as a share; a ripple of 20 % changes it by less
-SETTLED_S = 0.5  # after a start and before a stop of the motors, when the speed changes within a frame
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,10 @@ def wrong_seconds(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Foun
     found, (low, high) = [], USUAL_FRAME_S
     for run, robot in zip(data, robots, strict=True):
         step = float(np.median(np.diff(run.time_s))) if len(run.time_s) > FEWEST else 0.0
+        if step < LONGEST_FRAME_S:
+            continue
         whole = replace(run, start_s=float(run.time_s[0]), stop_s=None)  # start and stop may be in seconds
-        if step < LONGEST_FRAME_S or way_over_rolled(whole, robot) > SLOW_SHARE:
+        if way_over_rolled(whole, robot) > SLOW_SHARE:
             continue
         seen = f"its frames are {step:.4g} s apart, in which its wheels would roll far"
         if step < 1 + REGULAR and np.abs(run.time_s - np.rint(run.time_s)).max() < REGULAR:

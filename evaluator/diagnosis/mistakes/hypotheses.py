@@ -25,6 +25,7 @@ from evaluator.diagnosis.mistakes.alternatives import (
     thinned,
 )
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind
+from evaluator.interchange.commands import unsigned_rpm
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -153,8 +154,7 @@ def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found |
 
 def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
     """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
-    stretches = run.run_command.driven
-    return tuple((min(pair), max(pair)) for pair in ((abs(s.left_rpm), abs(s.right_rpm)) for s in stretches))
+    return tuple(unsigned_rpm(item.left_rpm, item.right_rpm) for item in run.run_command.driven)
 
 
 def _relative(speeds: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:

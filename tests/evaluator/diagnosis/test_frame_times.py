@@ -53,8 +53,8 @@ def test_times_in_another_unit_are_told(factor: float, said: str | None, correct
         assert item.kind == "wrong-unit"
         assert said in item.remedy
         assert (item.correction and item.correction.seconds_times) == correction
-    slow = replace(run, left_rpm=0.02, right_rpm=0.01)  # a frame a second of a robot as slow as that
-    assert wrong_seconds([slow], [load_robot("barrel")]) == [] or factor > 100
+    slow = replace(run, left_rpm=0.02, right_rpm=0.01)  # a few frames a minute of a robot as slow as that
+    assert bool(wrong_seconds([slow], [load_robot("barrel")])) == (factor > 1e3)
 
 
 def test_lost_frames_are_found_where_they_are_and_in_their_number() -> None:
