@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.hypotheses import REMEDIES, reading_of, unsigned_speeds
+from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of, unsigned_speeds
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.robot import Robot
 

@@ -9,7 +9,8 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
-from evaluator.diagnosis.mistakes.hypotheses import misread_runs
+from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
+from evaluator.diagnosis.mistakes.misread.hypotheses import misread_runs
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
@@ -28,6 +29,8 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)
     standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
+    if len(standing) >= MOST * len(data) and share_a_factor(data, robots):  # they move, but far less than commanded
+        standing = set()
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
     read = [run for run, _ in moving], [robot for _, robot in moving]
     turning = sum(any(s.left_rpm != s.right_rpm for s in run.run_command.driven) for run in data)

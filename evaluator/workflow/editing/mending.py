@@ -94,7 +94,7 @@ def _apply(
     """Correct a run in its row of the file, and add corrected marks to files; return descriptions of the changes."""
     said = []
     if correction.command is not None:
-        row["left_rpm"], row["right_rpm"] = correction.command
+        row["left_rpm"], row["right_rpm"] = (float(f"{rpm:.6g}") for rpm in correction.command)
         said.append(f"left_rpm = {correction.command[0]:g}, right_rpm = {correction.command[1]:g}")
     if correction.log is not None:
         file = target.with_name(f"{target.stem}-{row['id']}-commands.csv")

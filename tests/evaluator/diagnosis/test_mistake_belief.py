@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.mistakes import hypotheses
-from evaluator.diagnosis.mistakes.alternatives import Alternative
-from evaluator.diagnosis.mistakes.hypotheses import (
+from evaluator.diagnosis.mistakes.misread import hypotheses
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.misread.hypotheses import (
     Judgement,
     _judged,
     _judged_runs,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.mistakes import disturbances
-from evaluator.diagnosis.mistakes.alternatives import Alternative
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
-from evaluator.diagnosis.mistakes.hypotheses import (
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.misread.hypotheses import (
     Judgement,
     _without_regimes,
 )

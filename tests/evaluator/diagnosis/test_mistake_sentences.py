@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes import hypotheses, outlying
-from evaluator.diagnosis.mistakes.alternatives import Alternative, correction_to
+from evaluator.diagnosis.mistakes import outlying
 from evaluator.diagnosis.mistakes.copies import copies
-from evaluator.diagnosis.mistakes.hypotheses import Judgement, _judged, misread_runs, reading_of
+from evaluator.diagnosis.mistakes.misread import hypotheses
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
+from evaluator.diagnosis.mistakes.misread.hypotheses import Judgement, _judged, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
 from evaluator.interchange.commands import RunCommand
@@ -204,7 +205,7 @@ def test_frame_intervals_of_a_run_differ_from_those_of_the_session_by_four_perce
     data[2] = replace(data[2], time_s=ratio * data[2].time_s)
     asked: list[tuple[float | None, float]] = []
 
-    def noted(run: RunData, _: Any, interval_ratio: float | None, same_interval: float) -> list[Alternative]:
+    def noted(run: RunData, _: Any, interval_ratio: float | None, same_interval: float, _f: Any) -> list[Alternative]:
         asked.append((interval_ratio, same_interval))
         return [Alternative(None, run)]
 

@@ -12,7 +12,7 @@ import pytest
 
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.hypotheses import _beyond_the_others
+from evaluator.diagnosis.mistakes.misread.hypotheses import _beyond_the_others
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found
 from tests.evaluator.diagnosis.hidden import hidden_session
@@ -75,6 +75,23 @@ def test_a_mistake_in_all_runs_is_said_once(clean: Session) -> None:
     assert unit.sentence.startswith("all runs, ")
     turns = {item.kind for item in recognise(swapped, clean.robots)}
     assert turns == {"sides-swapped"}
+
+
+def test_commands_of_all_runs_in_another_unit_are_corrected_to_rpm(clean: Session) -> None:
+    for factor in (2 * np.pi / 60, 2.0):
+        wrong = [replace(r, left_rpm=factor * r.left_rpm, right_rpm=factor * r.right_rpm) for r in clean.data]
+        (said,) = recognise(wrong, clean.robots)
+        assert (said.kind, said.everywhere) == ("wrong-unit", True)
+        corrected = {run: item.command for run, item in said.corrections.items()}
+        assert corrected == {run.id: pytest.approx(run.command) for run in clean.data}
+    geared = [replace(r, left_rpm=298 * r.left_rpm, right_rpm=298 * r.right_rpm) for r in clean.data]
+    (said,) = recognise(geared, clean.robots)
+    assert (said.kind, said.everywhere, said.corrections) == ("wrong-unit", True, {})  # no gear is exactly known
+
+
+def test_times_of_all_runs_that_count_twice_are_a_wrong_rate(clean: Session) -> None:
+    (said,) = recognise([replace(run, time_s=2 * run.time_s) for run in clean.data], clean.robots)
+    assert (said.kind, said.everywhere) == ("wrong-rate", True)
 
 
 LARGE = {

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,14 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.mistakes.alternatives import (
+from evaluator.diagnosis.mistakes.misread.alternatives import (
     Alternative,
     alternatives,
     correction_to,
     distinct_commands,
     thinned,
 )
+from evaluator.diagnosis.mistakes.misread.command_unit import speed_factors
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind
 from evaluator.interchange.commands import unsigned_rpm
 from simulator.robot import Robot
@@ -70,8 +72,10 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     ratios = intervals / np.median(intervals)
     same = bool(np.all(np.abs(ratios - 1) < SAME_INTERVAL))
     commands = distinct_commands(thin)
+    factors = cache(lambda: speed_factors(data, robots))  # not asked for if all runs fit their files
     judgements = _judged_runs(
-        thin, robots, lambda k: alternatives(thin[k], commands, None if same else float(ratios[k]), SAME_INTERVAL)
+        *(thin, robots),
+        lambda k: alternatives(thin[k], commands, None if same else float(ratios[k]), SAME_INTERVAL, factors()[k]),
     )
     usual = _usual_kinds(judgements)
     least = _least_shares(judgements)
@@ -237,7 +241,9 @@ def _usual_kinds(judgements: Sequence[Judgement]) -> set[Kind]:
 def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE) -> Found | None:
     """The mistake that a run fits, if any."""
     ways, misfits, stated = item.ways, item.misfits_mm, float(item.misfits_mm[0])
-    if not np.isfinite(stated) or item.share < least_share:
+    if any(way.kind == "wrong-unit" for way in ways) and not np.isfinite(stated):
+        stated = np.inf  # thousands of rpm that no simulation follows
+    if np.isnan(stated) or item.share < least_share:
         return None
     # with the frame interval of all other runs, a single run has no other frame rate
     refused = [way.kind == "wrong-rate" and not way.own and "wrong-rate" not in usual for way in ways]
@@ -270,6 +276,7 @@ REMEDIES: dict[Kind, str] = {
     "marks-swapped": "exchange the columns of the two marks",
     "mirrored": "mirror the recording, or the x of its marks",
     "wrong-rate": "give the true frame rate (rate_hz), or correct time_s",
+    "wrong-unit": "give left_rpm and right_rpm in turns of the wheels per minute, or correct the robot file",
     "wrong-command": "check which command belongs to this recording",
     "late-start": "shift the times of its command log (start_s)",
 }

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.command_unit import Factor
 from evaluator.diagnosis.mistakes.recognised import Correction, Kind
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -29,15 +30,21 @@ class Alternative:
     words: str = ""
     own: bool = False  # whether there is specific evidence for it in this run
     later_s: float = 0.0  # offset of its command log relative to the file
+    exact: bool = True  # whether its numbers are known, so that the files can be corrected by them
 
 
 def alternatives(
-    run: RunData, data: Sequence[RunData], interval_ratio: float | None, same_interval: float
+    run: RunData,
+    data: Sequence[RunData],
+    interval_ratio: float | None,
+    same_interval: float,
+    factor: Factor | None = None,
 ) -> list[Alternative]:
     """The statement of the file, then every mistake, more common ones first.
 
     data: runs with the commands that this run may have had, each log once (distinct_commands). interval_ratio: frame
-    interval of this run over that of the session, None if all runs have the same within same_interval.
+    interval of this run over that of the session, None if all runs have the same within same_interval. factor: of its
+    speeds, if its command seems to be in another unit.
     """
     exchanged = replace(run, marks_mm=run.marks_mm[:, [2, 3, 0, 1]])
     mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
@@ -57,6 +64,7 @@ def alternatives(
             )
             for ratio in rates
         ),
+        *(_in_unit(run, factor) if factor else ()),
         *_other_commands(run, data),
         *(_offsets(run) if run.log is not None else ()),
     ]
@@ -64,6 +72,8 @@ def alternatives(
 
 def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
     """The correction of the files according to a hypothesis; None if no correction exists."""
+    if not way.exact:
+        return None
     if way.kind == "marks-swapped":
         return Correction(marks_exchanged=True)
     if way.kind == "mirrored":
@@ -72,9 +82,8 @@ def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
         return Correction(seconds_times=float(way.run.time_s[-1] / stated.run.time_s[-1]))
     if way.run.log is not None:
         return Correction(log=way.run.log)
-    if stated.run.log is None and way.kind in ("reversed", "sides-swapped", "wrong-command"):
-        return Correction(command=way.run.command)
-    return None
+    of_command = way.kind in ("reversed", "sides-swapped", "wrong-unit", "wrong-command")
+    return Correction(command=way.run.command) if of_command and stated.run.log is None else None
 
 
 def thinned(run: RunData) -> RunData:
@@ -97,12 +106,18 @@ def _same_speeds(run: RunData) -> list[Alternative]:
     return found
 
 
-def _driven(run: RunData, sign: float, *, exchanged: bool) -> RunData:
-    """The run with its command times a sign, left and right exchanged or not."""
-    left, right = (sign * run.left_rpm, sign * run.right_rpm)[:: -1 if exchanged else 1]
+def _in_unit(run: RunData, factor: Factor) -> list[Alternative]:
+    """The run with its command in another unit."""
+    scaled = _driven(run, factor.times, exchanged=False)
+    return [Alternative("wrong-unit", scaled, factor.words, exact=bool(factor.unit))]
+
+
+def _driven(run: RunData, times: float, *, exchanged: bool) -> RunData:
+    """The run with its command times a factor, left and right exchanged or not."""
+    left, right = (times * run.left_rpm, times * run.right_rpm)[:: -1 if exchanged else 1]
     log = run.log
     if log is not None:
-        sides = (sign * log.command.left_rpm, sign * log.command.right_rpm)[:: -1 if exchanged else 1]
+        sides = (times * log.command.left_rpm, times * log.command.right_rpm)[:: -1 if exchanged else 1]
         log = replace(log, command=Command(log.command.time_s, *sides))
     return replace(run, left_rpm=left, right_rpm=right, log=log)
 

@@ -1,0 +1,1 @@
+"""Runs that were recorded rightly and are read wrongly: hypotheses on what their files should say."""
