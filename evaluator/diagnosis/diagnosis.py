@@ -93,10 +93,14 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
 
 
 def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:
-    """Whether the model fitted to the other runs also explains a run, which is then not outlying."""
-    search = found.search
-    assert search is not None
-    return is_followed(search.problem, again.fit, found.fit.point.per_run, run, search.tolerance)
+    """Whether the model fitted to the other runs also explains a run, which is then not outlying.
+
+    The tolerances are those of that fit: the others may show a nominal value that they do not show with the run.
+    """
+    assert found.search is not None
+    assert again.search is not None
+    tolerance = again.search.tolerance
+    return is_followed(found.search.problem, again.fit, found.fit.point.per_run, run, tolerance)
 
 
 def _sole_run_of(found: Diagnosis) -> int | None:

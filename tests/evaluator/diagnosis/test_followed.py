@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.diagnosis import diagnosis
 from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.gap import counting_data, run_gaps
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
@@ -55,6 +56,17 @@ def test_a_run_is_followed_where_others_leave_open_what_it_wants(
     monkeypatch.setattr(module, "run_gaps", lambda _, point, __: np.array([abs(point.nominal[MASS.key] - 0.3)]))
     monkeypatch.setattr(module, "farthest_followed", lambda *_: np.array([0.1]))
     assert module.is_followed(problem, fit, np.zeros((1, 7)), 0, {MASS.key: 1.0}) == followed
+
+
+def test_a_run_is_compared_within_the_tolerances_of_the_fit_to_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A column that only the others show has no tolerance in the search over all runs."""
+    asked: list[Any] = []
+    monkeypatch.setattr(diagnosis, "is_followed", lambda *given: not asked.append(given))
+    point = Point(np.zeros((2, 7)))
+    found: Any = SimpleNamespace(search=SimpleNamespace(problem="all", tolerance={}), fit=SimpleNamespace(point=point))
+    again: Any = SimpleNamespace(search=SimpleNamespace(tolerance={MASS.key: 0.02}), fit="others")
+    assert diagnosis._is_followed(found, again, 1)
+    assert asked == [("all", "others", point.per_run, 1, {MASS.key: 0.02})]
 
 
 def test_a_run_that_cannot_be_simulated_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
