@@ -59,7 +59,7 @@ def diagnosed(
     return diagnose(whole.session, no_progress)
 
 
-NOTHING = Diagnosis("none", "explained", session_of(11))
+NOTHING = Diagnosis("none", "explained", session_of(11), search=ON_PLATE)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
 def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
+    rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
     for outlying, named in (((ODD,), [("r3",)]), ((), [])):
         whole = finding("effect", "it pays", chosen=TILT, outlying=outlying)
         found = diagnosed(monkeypatch, whole, rest, similar=True)
@@ -98,7 +98,9 @@ def test_runs_that_the_second_search_leaves_out_stay_out_of_the_answer(
     """The results by run are those of its session: a report of more runs than results ended in an IndexError."""
     less = session_of(11).leaving_out([4, 5], "diverges")
     whole = finding("unknown")
-    found = diagnosed(monkeypatch, whole, Diagnosis("none", "explained", less), similar=True, followed=followed)
+    found = diagnosed(
+        monkeypatch, whole, Diagnosis("none", "explained", less, search=ON_PLATE), similar=True, followed=followed
+    )
     assert found.session.data == less.data
     assert {"r4", "r5"} <= found.session.left_out.keys()
     assert [item.runs for item in found.session.mistakes] == ([] if followed else [("r3",)])
@@ -106,7 +108,7 @@ def test_runs_that_the_second_search_leaves_out_stay_out_of_the_answer(
 
 def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkeypatch: pytest.MonkeyPatch) -> None:
     both = TILT | {"friction-gradient"}
-    rest = Diagnosis("effect", "it pays", session_of(11), chosen=TILT)
+    rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
     found = diagnosed(monkeypatch, finding("effect", chosen=both), rest, similar=True, followed=True)
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
     why = "friction-gradient rests on this run alone; repeat it"
@@ -156,9 +158,9 @@ def test_one_run_of_ten_may_be_excluded(monkeypatch: pytest.MonkeyPatch, runs: i
 
 def test_a_run_is_kept_where_the_others_say_no_more_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = finding("unknown", chosen=frozenset({"free:x"}))
-    rest = Diagnosis("unknown", "so as well", session_of(11))
+    rest = Diagnosis("unknown", "so as well", session_of(11), search=ON_PLATE)
     assert diagnosed(monkeypatch, whole, rest, similar=True) is whole
-    other = Diagnosis("effect", "so", session_of(11), chosen=frozenset({"command-lag"}))
+    other = Diagnosis("effect", "so", session_of(11), search=ON_PLATE, chosen=frozenset({"command-lag"}))
     effect = finding("effect", chosen=TILT)
     assert diagnosed(monkeypatch, effect, other, similar=True) is effect  # another effect is no simpler one
 
