@@ -23,7 +23,8 @@ from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.marks import columns_of, read_marks
+from evaluator.interchange.held_marks import without_held
+from evaluator.marks import columns_of, mark_names, read_marks
 from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from evaluator.wording import counted
@@ -144,11 +145,12 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             skipped[run.id] = "no marks"
             continue
         try:
-            table = reference_marks(read_marks(marks[run.id]), robots[name])
+            read = read_marks(marks[run.id])
+            table = reference_marks(without_held(read, mark_names(read)), robots[name])
         except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
-        values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float)
+        values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float, copy=True)
         both = np.isfinite(values).all(axis=1)
         fewest = FEWEST_POSES if run.poses else FEWEST_FRAMES
         if both.sum() < fewest:

@@ -88,10 +88,11 @@ def read_any_marks(
     program = program_of(path)
     said = tracks or Tracks()
     if program == "turnscope":
-        from evaluator.marks import read_marks
+        from evaluator.interchange.held_marks import without_held
+        from evaluator.marks import mark_names, read_marks
 
-        table = read_marks(path, marks or None)
-        return _in_mm(table, said)
+        table = _in_mm(read_marks(path, marks or None), said)
+        return without_held(table, mark_names(table))
     time, points, unit = _foreign_points(path, program, said, marks := marks or tuple(said.names), min(2, len(marks)))
     return _marks_table(path, time, points, unit, camera, height_mm)
 
@@ -233,6 +234,8 @@ def _marks_table(
 ) -> pd.DataFrame:
     import pandas as pd
 
+    from evaluator.interchange.held_marks import without_held
+
     table = pd.DataFrame({"time_s": time})
     for mark, place in points.items():
         if unit == "px":
@@ -245,7 +248,7 @@ def _marks_table(
         else:
             placed = place * MM_PER[unit]
         table[[f"{mark}_x_mm", f"{mark}_y_mm"]] = placed
-    return table
+    return without_held(table, tuple(points))
 
 
 def _stated_unit(path: Path, program: Program) -> str | None:

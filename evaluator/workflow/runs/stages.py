@@ -110,8 +110,9 @@ class _Stages:
         path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)
         if self.run.marks is not None:
             height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
-            write_marks(read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names), path)
-            return [path], {}
+            table = read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names)
+            write_marks(table, path)
+            return [path], {"notes": [held] if (held := table.attrs.get("held")) else []}
         if self.run.poses is not None:
             found = read_poses(self.run.poses, self.run.topics)
             write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)

@@ -1,0 +1,86 @@
+"""Places that a tracker repeats for a mark it lost do not count."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.interchange.held_marks import without_held
+from evaluator.interchange.tracks import Tracks, read_any_marks
+from evaluator.marks import columns_of, write_marks
+
+NAMES = ("green", "yellow")
+ROWS = 200
+
+
+def table_of(noise_mm: float = 0.005, speed: float = 0.03, digits: int = 5) -> pd.DataFrame:
+    """A robot whose marks are 3.66 mm apart, on a straight path, speed in mm per row."""
+    noise = np.random.default_rng(2).normal(size=(ROWS, 4)) * noise_mm
+    way, zero = speed * np.arange(ROWS), np.zeros(ROWS)
+    places = np.column_stack([way, zero + 1.83, way, zero - 1.83]) + noise
+    return pd.DataFrame(np.round(places, digits), columns=columns_of(NAMES)).assign(time_s=np.arange(ROWS) / 60)
+
+
+def hold(table: pd.DataFrame, begin: int, end: int) -> pd.DataFrame:
+    columns = columns_of(["yellow"])
+    held = table.copy()
+    held.loc[begin : end - 1, columns] = held.loc[begin, columns].to_numpy()
+    return held
+
+
+def lost(table: pd.DataFrame) -> list[int]:
+    return np.flatnonzero(without_held(table, NAMES)["yellow_x_mm"].isna()).tolist()
+
+
+@pytest.mark.parametrize(("begin", "end"), [(60, 190), (100, 130), (0, 150)])
+def test_repeated_places_of_a_lost_mark_are_missing_and_counted(begin: int, end: int) -> None:
+    table = hold(table_of(), begin, end)
+    found, rows = without_held(table, NAMES), list(range(begin + 1, end))
+    assert np.flatnonzero(found["yellow_y_mm"].isna()).tolist() == rows
+    assert not found[["green_x_mm", "green_y_mm", "time_s"]].isna().to_numpy().any()
+    assert f"yellow in {len(rows)} of {ROWS} rows" in found.attrs["held"]
+    assert table["yellow_x_mm"].notna().all()  # the table itself is not changed
+
+
+@pytest.mark.parametrize(("rows", "missing"), [(3, []), (4, [101, 102, 103])])
+def test_four_equal_places_in_a_row_are_repeated_and_three_are_not(rows: int, missing: list[int]) -> None:
+    assert lost(hold(table_of(speed=0.5), 100, 100 + rows)) == missing
+
+
+@pytest.mark.parametrize(("away_mm", "missing"), [(0.08, True), (0.06, False)])
+def test_a_mark_is_lost_if_the_distance_of_both_changes_by_more_than_two_percent(
+    away_mm: float, *, missing: bool
+) -> None:
+    """2 % of 3.66 mm are 0.073 mm, by which the other mark goes away from one that stays."""
+    table = hold(table_of(noise_mm=0.0, speed=1e-9, digits=12), 100, 121)
+    table.loc[100:120, "green_y_mm"] += np.linspace(0, away_mm, 21)
+    assert bool(lost(table)) is missing
+
+
+def test_a_mark_is_lost_if_the_distance_changes_by_more_than_six_sigmas_of_its_noise() -> None:
+    """Noise of 0.02 mm in either mark is one of 0.028 mm in their distance, beyond 2 % of which 0.17 mm are."""
+    for away_mm, missing in ((0.3, True), (0.11, False)):
+        table = table_of(noise_mm=0.02, speed=0.0)
+        table.loc[100:104, columns_of(NAMES)] = [0.0, 1.83 + away_mm, 0.0, -1.83]
+        assert bool(lost(table)) is missing
+
+
+def test_a_robot_at_rest_and_one_of_rounded_places_lose_nothing() -> None:
+    rest = table_of(noise_mm=0.0, speed=0.0)
+    slow = table_of(digits=1)  # places to a tenth of a millimetre, three rows each
+    for table in (rest, slow):
+        found = without_held(table, NAMES)
+        pd.testing.assert_frame_equal(found, table, check_flags=False)
+        assert found.attrs["held"] == ""
+    assert without_held(hold(table_of(), 60, 190), ["green"]).attrs["held"] == ""
+
+
+def test_marks_of_a_file_are_read_without_repeated_places(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    write_marks(hold(table_of(), 60, 190), path)
+    read = read_any_marks(path, Tracks(), marks=NAMES)
+    assert read["yellow_x_mm"].isna().sum() == 129
+    assert "yellow in 129 of 200 rows" in read.attrs["held"]
