@@ -23,7 +23,7 @@ from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.interchange.held_marks import without_held
+from evaluator.interchange.tracker_faults import without_faults
 from evaluator.marks import columns_of, mark_names, read_marks
 from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
@@ -146,7 +146,7 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             continue
         try:
             read = read_marks(marks[run.id])
-            table = reference_marks(without_held(read, mark_names(read)), robots[name])
+            table = reference_marks(without_faults(read, mark_names(read)), robots[name])
         except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue

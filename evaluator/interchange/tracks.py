@@ -88,11 +88,11 @@ def read_any_marks(
     program = program_of(path)
     said = tracks or Tracks()
     if program == "turnscope":
-        from evaluator.interchange.held_marks import without_held
+        from evaluator.interchange.tracker_faults import without_faults
         from evaluator.marks import mark_names, read_marks
 
         table = _in_mm(read_marks(path, marks or None), said)
-        return without_held(table, mark_names(table))
+        return without_faults(table, mark_names(table))
     time, points, unit = _foreign_points(path, program, said, marks := marks or tuple(said.names), min(2, len(marks)))
     return _marks_table(path, time, points, unit, camera, height_mm)
 
@@ -234,7 +234,7 @@ def _marks_table(
 ) -> pd.DataFrame:
     import pandas as pd
 
-    from evaluator.interchange.held_marks import without_held
+    from evaluator.interchange.tracker_faults import without_faults
 
     table = pd.DataFrame({"time_s": time})
     for mark, place in points.items():
@@ -248,7 +248,7 @@ def _marks_table(
         else:
             placed = place * MM_PER[unit]
         table[[f"{mark}_x_mm", f"{mark}_y_mm"]] = placed
-    return without_held(table, tuple(points))
+    return without_faults(table, tuple(points))
 
 
 def _stated_unit(path: Path, program: Program) -> str | None:

@@ -112,7 +112,7 @@ class _Stages:
             height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
             table = read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names)
             write_marks(table, path)
-            return [path], {"notes": [held] if (held := table.attrs.get("held")) else []}
+            return [path], {"notes": table.attrs["faults"]}
         if self.run.poses is not None:
             found = read_poses(self.run.poses, self.run.topics)
             write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)

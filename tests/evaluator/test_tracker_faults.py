@@ -1,4 +1,4 @@
-"""Places that a tracker repeats for a mark it lost do not count."""
+"""Places that a tracker repeats for a mark it lost do not count, and marks that it exchanged are put back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.interchange.held_marks import without_held
+from evaluator.interchange.tracker_faults import without_faults
 from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import columns_of, write_marks
 
@@ -32,16 +32,16 @@ def hold(table: pd.DataFrame, begin: int, end: int) -> pd.DataFrame:
 
 
 def lost(table: pd.DataFrame) -> list[int]:
-    return np.flatnonzero(without_held(table, NAMES)["yellow_x_mm"].isna()).tolist()
+    return np.flatnonzero(without_faults(table, NAMES)["yellow_x_mm"].isna()).tolist()
 
 
 @pytest.mark.parametrize(("begin", "end"), [(60, 190), (100, 130), (0, 150)])
 def test_repeated_places_of_a_lost_mark_are_missing_and_counted(begin: int, end: int) -> None:
     table = hold(table_of(), begin, end)
-    found, rows = without_held(table, NAMES), list(range(begin + 1, end))
+    found, rows = without_faults(table, NAMES), list(range(begin + 1, end))
     assert np.flatnonzero(found["yellow_y_mm"].isna()).tolist() == rows
     assert not found[["green_x_mm", "green_y_mm", "time_s"]].isna().to_numpy().any()
-    assert f"yellow in {len(rows)} of {ROWS} rows" in found.attrs["held"]
+    assert f"yellow in {len(rows)} of {ROWS} rows" in " ".join(found.attrs["faults"])
     assert table["yellow_x_mm"].notna().all()  # the table itself is not changed
 
 
@@ -72,10 +72,10 @@ def test_a_robot_at_rest_and_one_of_rounded_places_lose_nothing() -> None:
     rest = table_of(noise_mm=0.0, speed=0.0)
     slow = table_of(digits=1)  # places to a tenth of a millimetre, three rows each
     for table in (rest, slow):
-        found = without_held(table, NAMES)
+        found = without_faults(table, NAMES)
         pd.testing.assert_frame_equal(found, table, check_flags=False)
-        assert found.attrs["held"] == ""
-    assert without_held(hold(table_of(), 60, 190), ["green"]).attrs["held"] == ""
+        assert found.attrs["faults"] == []
+    assert without_faults(hold(table_of(), 60, 190), ["green"]).attrs["faults"] == []
 
 
 def test_marks_of_a_file_are_read_without_repeated_places(tmp_path: Path) -> None:
@@ -83,4 +83,48 @@ def test_marks_of_a_file_are_read_without_repeated_places(tmp_path: Path) -> Non
     write_marks(hold(table_of(), 60, 190), path)
     read = read_any_marks(path, Tracks(), marks=NAMES)
     assert read["yellow_x_mm"].isna().sum() == 129
-    assert "yellow in 129 of 200 rows" in read.attrs["held"]
+    assert "yellow in 129 of 200 rows" in " ".join(read.attrs["faults"])
+
+
+def turning(yaw_per_row: float = 0.02) -> pd.DataFrame:
+    """A robot on a circle, with standard deviations and states of its marks."""
+    heading = yaw_per_row * np.arange(ROWS)
+    middle = np.column_stack([20 * np.sin(heading), -20 * np.cos(heading)])
+    left = 1.83 * np.column_stack([-np.sin(heading), np.cos(heading)])
+    table = pd.DataFrame(np.hstack([middle + left, middle - left]), columns=columns_of(NAMES))
+    table = table.assign(time_s=np.arange(ROWS) / 60, green_status="ok", yellow_status="faint")
+    return table.assign(green_x_sigma_mm=0.004, yellow_x_sigma_mm=0.006)
+
+
+def exchange(table: pd.DataFrame, rows: slice) -> pd.DataFrame:
+    changed, columns = table.copy(), [name for name in table if str(name).startswith("green")]
+    others = [str(name).replace("green", "yellow") for name in columns]
+    changed.loc[table.index[rows], columns] = table.loc[table.index[rows], others].to_numpy()
+    changed.loc[table.index[rows], others] = table.loc[table.index[rows], columns].to_numpy()
+    return changed
+
+
+@pytest.mark.parametrize("rows", [slice(150, None), slice(60, 80), slice(199, None), slice(0, 80)])
+@pytest.mark.parametrize("gap", [0, 20])
+def test_marks_that_are_exchanged_midway_are_put_back_with_all_that_is_said_of_them(rows: slice, gap: int) -> None:
+    table = turning()
+    table.loc[140 : 139 + gap, columns_of(NAMES)] = np.nan
+    found = without_faults(exchange(table, rows), NAMES)
+    seen = table["green_x_mm"].notna()
+    pd.testing.assert_frame_equal(found[seen], table[seen], check_flags=False, check_dtype=False)
+    assert "green and yellow are exchanged in" in found.attrs["faults"][0]
+
+
+def test_the_smaller_part_is_put_back() -> None:
+    found = without_faults(exchange(turning(), slice(20, None)), NAMES)
+    pd.testing.assert_frame_equal(found, exchange(turning(), slice(None)), check_flags=False, check_dtype=False)
+    assert "in 20 of 200 rows" in found.attrs["faults"][0]
+
+
+def test_a_robot_that_turns_while_nothing_is_seen_is_not_exchanged() -> None:
+    table = turning(0.1)  # 2 radians in 20 rows, half a revolution in 31
+    table.loc[100:130, columns_of(NAMES)] = np.nan
+    assert without_faults(table, NAMES).attrs["faults"] == []
+    two = turning()
+    two.loc[100, columns_of(["green"])] = two.loc[100, columns_of(["yellow"])].to_numpy()  # both on one mark
+    assert without_faults(two, NAMES).attrs["faults"] == []
