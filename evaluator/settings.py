@@ -41,6 +41,20 @@ def _names_files(value: str) -> str:
     return value
 
 
+def _refuse_one_name_of_two_runs(ids: list[str]) -> None:
+    """Refuse ids whose files would replace each other.
+
+    Windows and macOS do not distinguish R1 from r1; macOS not é in one character from é in two.
+    """
+    if twice := sorted(name for name, count in Counter(ids).items() if count > 1):
+        raise ValueError(f"run id {', '.join(twice)} is used more than once")
+    alike: dict[str, list[str]] = {}
+    for name in ids:
+        alike.setdefault(unicodedata.normalize("NFC", name).casefold(), []).append(name)
+    if same := next((names for names in alike.values() if len(names) > 1), None):
+        raise ValueError(f"run ids {', '.join(same)} name one file on Windows and macOS; rename all but one of them")
+
+
 class Table(BaseModel):
     """A table of experiment.toml: unknown keys are errors, values never change."""
 
@@ -177,9 +191,7 @@ class Experiment(Table):
     def _consistent(self) -> Self:
         if not self.run:
             raise ValueError("there is no [[run]]; an experiment needs at least one")
-        counts = Counter(run.id for run in self.run)
-        if twice := sorted(name for name, count in counts.items() if count > 1):
-            raise ValueError(f"run id {', '.join(twice)} is used more than once")
+        _refuse_one_name_of_two_runs([run.id for run in self.run])
         blind = [run.id for run in self.run if run.video and not (run.camera or self.camera)]
         if blind:
             raise ValueError(

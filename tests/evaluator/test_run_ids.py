@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from evaluator.settings import Run
+from evaluator.settings import Experiment, Run
 
 
 def run(name: str) -> Run:
@@ -29,3 +29,16 @@ def test_names_in_any_script_are_taken(name: str) -> None:
 def test_names_that_no_file_should_have_are_refused(name: str) -> None:
     with pytest.raises(ValidationError):
         run(name)
+
+
+@pytest.mark.parametrize(
+    ("ids", "said"),
+    [
+        (["r1", "r2", "r1"], "run id r1 is used more than once"),
+        (["r1", "r2", "R1"], "run ids r1, R1 name one file on Windows and macOS"),
+        (["caf\u00e9", "cafe\u0301"], "name one file on Windows and macOS"),
+    ],
+)
+def test_runs_whose_files_would_replace_each_other_are_refused(ids: list[str], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Experiment(format=1, name="n", robot="barrel", run=tuple(map(run, ids)))
