@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.files import refuse_stream
 from evaluator.files.csv_tables import csv_dialect, numbers_of, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
@@ -46,6 +47,7 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
     """
     path = Path(path)
     try:
+        refuse_stream(path)
         table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error

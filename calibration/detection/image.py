@@ -34,7 +34,8 @@ def read_image(path: Path) -> NDArray[np.generic]:
     """
     path = Path(path)
     if not path.is_file():
-        raise CalibrationError(f"{path}: no such file")
+        fault = "is not a file; give every image by its name" if path.exists() else "no such file"
+        raise CalibrationError(f"{path}: {fault}")
     image = read_pixels(path)
     if image is None:
         with path.open("rb") as file:

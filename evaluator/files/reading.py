@@ -19,6 +19,7 @@ Value = TypeVar("Value")
 def read_with(load: Callable[[Path], Value], path: Path) -> Value:
     """Load a file and convert every error into an InputError with file, place and remedy."""
     try:
+        refuse_stream(path)
         return load(path)
     except FileNotFoundError as error:
         raise InputError(f"{error.filename or path}: no such file") from error
@@ -34,6 +35,15 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         if "embedded null" not in str(error):
             raise
         raise InputError(f"{str(path)!r}: no file can have this name, because of U+0000 in it") from error
+
+
+def refuse_stream(path: Path) -> None:
+    """Refuse a named pipe, which would be waited for without end, or a device. Raises InputError, OSError.
+
+    Tables and settings are read more than once (their format, their content, their hash); recordings can be streams.
+    """
+    if path.is_fifo() or path.is_char_device():
+        raise InputError(f"{path}: is a pipe or a device, which can be read only once; save its content as a file")
 
 
 def _text_of(path: Path) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import read_with, refuse_stream
 from evaluator.files.csv_tables import csv_dialect, numbers_of
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
 from evaluator.mark_geometry import MarkGeometry
@@ -80,6 +80,7 @@ def holds_poses(path: Path) -> bool:
     if is_bag(path):
         return True
     try:
+        refuse_stream(Path(path))
         with Path(path).open(encoding="utf-8-sig") as file:
             first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
     except (OSError, UnicodeDecodeError):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
+from evaluator.files import refuse_stream
 from evaluator.interchange.named_points import FileHints, NamedPoints
 from evaluator.interchange.plain_table import columns_of, plain_unit, read_plain
 from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut, read_sleap
@@ -202,6 +203,7 @@ def _whole(reader: Callable[[Path, FileHints], NamedPoints], path: Path, said: F
 def program_of(path: Path) -> Program:
     """The program that wrote a marks file, by its first bytes. Raises InputError if it cannot be read."""
     try:
+        refuse_stream(Path(path))
         with Path(path).open("rb") as file:
             head = file.read(4096)
     except FileNotFoundError as error:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
+from evaluator.files import refuse_stream
 
 # Standard uncertainty of a centre placed by hand.
 HAND_SIGMA_PX = 0.5
@@ -22,6 +23,7 @@ PLACED, REMOVED = "corrected", "absent by hand"
 def read_corrections(path: Path) -> pd.DataFrame:
     """Read corrections: frame, mark, x, y, with x and y NaN for absent. Raises InputError that names the line."""
     try:
+        refuse_stream(path)
         table = pd.read_csv(path, dtype=str, skipinitialspace=True).rename(columns=str.strip)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
@@ -135,6 +135,7 @@ def _outside(run: Run) -> str | None:
 def _faults_of_named_files(path: Path) -> Iterator[str]:
     """Faults of the files an experiment names, even if the experiment itself has faults."""
     try:
+        refuse_stream(path)
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return  # reported already

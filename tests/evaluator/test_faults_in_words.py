@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,11 @@ from pydantic import BaseModel, Field, ValidationError
 
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
+from evaluator.interchange.poses import holds_poses, read_poses
+from evaluator.interchange.tracks import program_of
+from evaluator.marks import read_marks
+from evaluator.tracking.corrections import read_corrections
+from evaluator.workflow.checks import check_experiment
 
 
 class Part(BaseModel, extra="forbid"):
@@ -58,3 +65,29 @@ def test_a_fault_names_its_place_what_was_found_and_what_should_be_there(content
 def test_a_name_that_no_file_can_have_is_shown_as_it_was_written() -> None:
     with pytest.raises(InputError, match=r"^'a\\x00\.toml': no file can have this name"):
         read_with(Path.read_text, Path("a\0.toml"))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes among its files")
+@pytest.mark.parametrize(
+    "read",
+    [
+        read_marks,
+        read_poses,
+        holds_poses,
+        program_of,
+        read_corrections,
+        lambda path: read_with(Path.read_text, path),
+        check_experiment,
+    ],
+)
+def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(
+    tmp_path: Path, read: Callable[[Path], object]
+) -> None:
+    os.mkfifo(tmp_path / "p.toml")
+    if read is check_experiment:
+        (fault,) = check_experiment(tmp_path / "p.toml").faults
+    else:
+        with pytest.raises(InputError) as error:
+            read(tmp_path / "p.toml")
+        fault = str(error.value)
+    assert fault.startswith(f"{tmp_path / 'p.toml'}: is a pipe or a device")
