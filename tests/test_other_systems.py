@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 MODULES = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
 NAMES = {
     *("fork", "forkpty", "geteuid", "getuid", "killpg", "mkfifo", "sched_getaffinity", "setsid", "pthread_kill"),
-    *("SIGALRM", "SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "alarm", "setitimer", "sigwaitinfo"),
+    *("SIGALRM", "SIGPROF", "SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "alarm", "setitimer", "sigwaitinfo"),
 }
 # Where the operating system is dealt with; each asks first whether it has what is used.
 KEEPERS = {

@@ -84,9 +84,9 @@ def crash_sentence(status: int, what: str) -> str:
         return (
             f"{what}: the process was killed; if nobody did so, memory ran out: close other programs, use --workers 1"
         )
-    if cause == "SIGALRM":
+    if cause == "SIGPROF":
         return (
-            f"{what}: a file could not be read within {LONGEST_S:g} s, it is probably damaged: "
+            f"{what}: a file could not be read within {LONGEST_S:g} s of processor time, it is probably damaged: "
             "give the files one by one to find which, and write it anew"
         )
     return (

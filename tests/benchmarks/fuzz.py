@@ -3,6 +3,7 @@
 python -m tests.benchmarks.fuzz --inputs 100000 [--only NAME] [--seed 1] [--keep folder/] [--readers]
 
 With --readers the readers of tables, settings and foreign files are called directly: a million inputs are affordable.
+A library that loops without end is ended by the limit of its reader, as in a command; this is counted, and no failure.
 Every batch of inputs runs in a process of its own, so that a native crash of a decoder is seen as one and the memory
 that a batch took at most is known. A failure is printed once per place, with its input kept for a test.
 """
@@ -14,18 +15,21 @@ import multiprocessing
 import os
 import random
 import resource
+import signal
 import tempfile
 import time
 from collections import Counter
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from evaluator.files import time_limit
 from tests.fuzz import readers
 from tests.fuzz.attempt import LIMIT_S, attempt, spoilt
 from tests.fuzz.entries import ENTRIES, Entry, lay_out
 from tests.fuzz.readers import READERS, Reader
 
 BATCH, READ = 100, 10_000  # inputs per process
+READER_S = 2.0  # processor time after which a native library that loops is ended: inputs have some kilobytes
 MOST_MB = 2500  # resident memory of a process, libraries included: what one input may take at most
 
 
@@ -33,6 +37,7 @@ def work(answers: Connection, numbers: range, chosen: list[Entry] | list[Reader]
     """Try inputs by number; sends the number before each, and what was wrong after it."""
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 2)  # decoders write to standard error by themselves
+    time_limit.LONGEST_S = READER_S
     for number in numbers:
         answers.send((number, None, 0.0, 0))
         rng = seeded(seed, number)
@@ -62,7 +67,7 @@ class Hunt:
             else [entry for entry in ENTRIES if given.only in f"{entry} {' '.join(entry.arguments)}"]
         )
         self.failures: Counter[str] = Counter()
-        self.slowest, self.largest_mb = (0.0, ""), 0
+        self.slowest, self.largest_mb, self.ended = (0.0, ""), 0, 0
 
     def entry(self, number: int) -> Entry | Reader:
         return self.chosen[number % len(self.chosen)]
@@ -90,7 +95,10 @@ class Hunt:
                     self.report(number, wrong)
         except EOFError:
             child.join()
-            self.report(number, f"the process died: exit code {child.exitcode}")
+            if child.exitcode == -signal.SIGPROF:  # as for a user, who is told in one sentence
+                self.ended += 1
+            else:
+                self.report(number, f"the process died: exit code {child.exitcode}")
             rest = range(number + 1, rest.stop)
         child.kill()
         child.join()
@@ -145,7 +153,8 @@ def main() -> None:
     kind = "readers" if given.readers else "commands"
     print(
         f"{given.inputs} inputs to {len(hunt.chosen)} {kind} with seed {given.seed}: {hunt.failures.total()} failures"
-        f" at {len(hunt.failures)} places; {time.perf_counter() - began:.0f} s, slowest {hunt.slowest[0]:.1f} s"
+        f" at {len(hunt.failures)} places, {hunt.ended} ended by their limit;"
+        f" {time.perf_counter() - began:.0f} s, slowest {hunt.slowest[0]:.1f} s"
         f" ({hunt.slowest[1]}), at most {hunt.largest_mb} MB"
     )
     raise SystemExit(bool(hunt.failures))

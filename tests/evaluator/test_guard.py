@@ -37,13 +37,13 @@ print("read")
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="has no alarm")
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such timer")
 def test_a_reader_that_does_not_return_ends_in_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
     what = "turnscope turning a.h5"
     assert wait_for([sys.executable, "-c", LOOPING, "watched", "60", "0.2"], what) == 2
     assert capfd.readouterr().err == (
-        "error: turnscope turning a.h5: a file could not be read within 60 s, it is probably damaged: "
-        "give the files one by one to find which, and write it anew\n"
+        "error: turnscope turning a.h5: a file could not be read within 20 s of processor time, it is probably "
+        "damaged: give the files one by one to find which, and write it anew\n"
     )
     assert wait_for([sys.executable, "-c", LOOPING, "watched", "3", "30"], what) == 0
     assert wait_for([sys.executable, "-c", LOOPING, "by itself", "20", "0.001"], what) == 0  # longer: in a notebook

@@ -177,6 +177,8 @@ def of_table(rng: random.Random, content: bytes) -> bytes:  # noqa: C901, PLR091
     if not rows:
         return of_bytes(rng, content)
     for _ in range(rng.choice((1, 1, 2, 6))):
+        if not any(rows):  # all cells are deleted
+            break
         row, column = rng.randrange(len(rows)), rng.randrange(max(map(len, rows)))
         kind = rng.randrange(9)
         if kind <= 2:
