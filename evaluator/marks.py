@@ -14,8 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.files import refuse_stream
-from evaluator.files.csv_tables import csv_dialect, numbers_of, write_table
+from evaluator.files.csv_tables import numbers_of, read_table, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
 # nanoseconds since 1970 is beyond it, too). Squares of smaller lengths stay far from the limits of a float.
@@ -47,12 +46,9 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
     """
     path = Path(path)
     try:
-        refuse_stream(path)
-        table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
+        table = read_table(path)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     if "time_s" not in table:
         raise InputError(f"{path}: lacks time_s; a marks CSV has {_described(names or ['NAME'])}")
     if names is not None:

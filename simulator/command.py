@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
-from simulator.units import numbers_of
+from simulator.units import numbers_of, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -208,7 +208,7 @@ def _columns_of_log(
     right_m_s, which need the radius of the wheels; or velocities of the robot, forward_m_s and yaw_rate_rad_s, which
     need its track, too. Other columns are left alone.
     """
-    table = _table(path)
+    table = read_table(Path(path))
     units: dict[str, Mapping[str, float]] = {"time": SECONDS, "left": RPM, "right": RPM}
     if not any(f"{side}_{unit}" in table for side in ("left", "right") for unit in RPM):
         if any(f"{side}_{unit}" in table for side in ("left", "right") for unit in M_S):
@@ -230,19 +230,6 @@ def _columns_of_log(
         half = second * (track_m or math.nan) / 2
         first, second = first - half, first + half
     return time, RPM_PER_RAD_S * first / wheel_radius_m, RPM_PER_RAD_S * second / wheel_radius_m
-
-
-def _table(path: str | Path) -> pd.DataFrame:
-    import pandas as pd
-
-    try:
-        with Path(path).open(encoding="utf-8", errors="replace") as lines:
-            first = lines.readline(4096)
-        semicolons = first.count(";") > first.count(",")  # they come with decimal commas
-        sep, decimal = (";", ",") if semicolons else (",", ".")
-        return pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
 
 
 def _name(path: str | Path, table: pd.DataFrame, quantity: str, units: Mapping[str, float]) -> str:

@@ -1,4 +1,4 @@
-"""Numbers that users write: cells of tables, and values with units by suffix.
+"""Numbers that users write: tables, and values with units by suffix.
 
 A key may end in any unit of its kind, and its value is converted to the internal unit.
 """
@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from simulator.errors import SimulationError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +55,28 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, list | tuple):
         return [_times(item, factor) for item in value]
     return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Read a CSV: commas, or semicolons or tabs with decimal commas. Raises SimulationError, OSError.
+
+    Rows without a value at the end, which spreadsheets leave, are left out.
+    """
+    import pandas as pd
+
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        first = lines.readline(4096)
+    if "\0" in first:  # every second byte of English text in UTF-16
+        raise SimulationError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
+    sep = max(",;\t", key=first.count)
+    try:
+        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal="." if sep == "," else ",")
+    except UnicodeDecodeError as error:
+        raise SimulationError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
+    filled = table.notna().any(axis=1).to_numpy().nonzero()[0]
+    return table.iloc[: filled[-1] + 1 if len(filled) else 0]
 
 
 def numbers_of(column: pd.Series) -> pd.Series:

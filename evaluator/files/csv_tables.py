@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from evaluator.errors import InputError
+from evaluator.files.reading import refuse_stream
 from evaluator.files.writing import written_whole
 
 FLOAT = "%.9g"
@@ -31,11 +33,31 @@ class Dialect(TypedDict):
     decimal: str
 
 
-def csv_dialect(path: Path) -> Dialect:
-    """The dialect of a table by its first line: semicolons come with decimal commas. Raises OSError."""
+def read_table(path: Path, **options: Any) -> pd.DataFrame:
+    """Read a table as programs and spreadsheets write it; options: of pandas.read_csv.
+
+    Rows without a value at the end, which spreadsheets leave, are left out. Raises InputError, OSError.
+    """
+    refuse_stream(path)
+    try:
+        table = pd.read_csv(path, skipinitialspace=True, **_dialect(path), **options)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
+    filled = np.flatnonzero(table.notna().any(axis=1))
+    used: pd.DataFrame = table.iloc[: filled[-1] + 1 if len(filled) else 0]
+    return used
+
+
+def _dialect(path: Path) -> Dialect:
+    """The dialect of a table by its first line: semicolons and tabs come with decimal commas."""
     with path.open(encoding="utf-8", errors="replace") as lines:
         first = lines.readline(4096)
-    return {"sep": ";", "decimal": ","} if first.count(";") > first.count(",") else {"sep": ",", "decimal": "."}
+    if "\0" in first:  # every second byte of English text in UTF-16
+        raise InputError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
+    sep = max(",;\t", key=first.count)
+    return {"sep": sep, "decimal": "." if sep == "," else ","}
 
 
 def numbers_of(column: pd.Series) -> pd.Series:

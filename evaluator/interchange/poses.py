@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
-from evaluator.files.csv_tables import csv_dialect, numbers_of
+from evaluator.files.csv_tables import numbers_of, read_table
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
+from evaluator.interchange.tracker_files import cells_of, delimiter_of
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
@@ -85,7 +86,7 @@ def holds_poses(path: Path) -> bool:
             first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
     except (OSError, UnicodeDecodeError):
         return False
-    cells = {cell.strip() for cell in first.replace(";", ",").split(",")}
+    cells = set(cells_of(first, delimiter_of(first)))
     timed = any(f"time_{unit}" in cells for unit in SECONDS)
     table = timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
@@ -200,10 +201,7 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
 
 
 def _from_csv(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, skipinitialspace=True, **csv_dialect(path))
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
+    table = read_table(path)
     found: dict[str, Array] = {}
     _take(path, table, "time", SECONDS, "s", found)
     for name in ("x", "y", "x_sigma", "y_sigma"):

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files import refuse_stream
+from evaluator.files.csv_tables import read_table
 
 # Standard uncertainty of a centre placed by hand.
 HAND_SIGMA_PX = 0.5
@@ -23,19 +23,16 @@ PLACED, REMOVED = "corrected", "absent by hand"
 def read_corrections(path: Path) -> pd.DataFrame:
     """Read corrections: frame, mark, x, y, with x and y NaN for absent. Raises InputError that names the line."""
     try:
-        refuse_stream(path)
-        table = pd.read_csv(path, dtype=str, skipinitialspace=True).rename(columns=str.strip)
+        table = read_table(path, dtype=str).rename(columns=str.strip)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     missing = [name for name in ("frame", "mark", "x", "y") if name not in table]
     if missing:
         raise InputError(f"{path}: lacks {', '.join(missing)}; corrections have frame, mark, x, y")
     gone = table["x"].str.strip().str.lower() == "absent"
     read = pd.DataFrame({"frame": pd.to_numeric(table["frame"], errors="coerce"), "mark": table["mark"].str.strip()})
     for axis in ("x", "y"):
-        read[axis] = pd.to_numeric(table[axis].where(~gone), errors="coerce")
+        read[axis] = pd.to_numeric(table[axis].where(~gone).str.replace(",", "."), errors="coerce")
     wrong = read["frame"].isna() | (~gone & (read["x"].isna() | read["y"].isna()))
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
+from evaluator.files.csv_tables import read_table
 from evaluator.trends.changes import Level
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, pooled
@@ -61,7 +62,7 @@ def read_session(folder: Path) -> Session:
             f"{folder}: no turning.csv and provenance.json in it; expected a results folder of `turnscope analyze`"
         )
     try:
-        table = pd.read_csv(turning)
+        table = read_table(turning)
         made_from = json.loads(provenance.read_text(encoding="utf-8"))
         settings = made_from["settings"]
         name, day = str(settings["name"]), settings.get("date")
@@ -69,7 +70,7 @@ def read_session(folder: Path) -> Session:
         for series, level, unit in _diagnosed(folder / "diagnosis.json"):
             found[series], units[series] = level, unit
         return Session(name, folder, None if day is None else date.fromisoformat(str(day)), found, units)
-    except (KeyError, TypeError, ValueError, pd.errors.ParserError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder}: its results cannot be read ({error}); run `turnscope analyze` again") from error
 
 

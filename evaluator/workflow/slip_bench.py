@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from evaluator.errors import InputError
 from evaluator.files import read_with
+from evaluator.files.csv_tables import read_table
 from evaluator.workflow.simulation import robot_of
 from simulator.robot import Robot
 from simulator.slip.bench import Apparatus, checked_bench, virtual_bench
@@ -30,7 +30,7 @@ class SlipBench:
 def evaluate_slip(bench: Path | str, apparatus: Apparatus | None = None) -> SlipBench:
     """Fit a slip law to a recording BENCH.csv. Raises InputError, SimulationError."""
     path, used = Path(bench), apparatus or Apparatus()
-    torques = checked_bench(read_with(_read, path), str(path))
+    torques = checked_bench(read_with(read_table, path), str(path))
     return SlipBench(path.stem, torques, used, fit_slip_law(torques, used))
 
 
@@ -40,10 +40,3 @@ def evaluate_virtual_slip(robot: Robot | Path | str, seed: int = 0, apparatus: A
     torques = virtual_bench(described.slip, np.random.default_rng(seed), apparatus=used)
     name = described.name if isinstance(robot, Robot) else str(robot)
     return SlipBench(f"{name}, virtual bench", torques, used, fit_slip_law(torques, used), virtual=True)
-
-
-def _read(path: Path) -> pd.DataFrame:
-    try:
-        return pd.read_csv(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from simulator.errors import SimulationError
 from simulator.rendering.tables import Circle, Given, Line, Motion, Simulated
 from simulator.robot import Robot
-from simulator.units import numbers_of
+from simulator.units import numbers_of, read_table
 
 Array = NDArray[np.float64]
 COLUMNS = ("time_s", "x_mm", "y_mm", "heading_deg")
@@ -62,10 +61,7 @@ def _simulated(motion: Simulated, robot: Robot, times_s: Array) -> Array:
 
 
 def _given(motion: Given, times_s: Array) -> Array:
-    try:
-        table = pd.read_csv(motion.file)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise SimulationError(f"{motion.file}: not a CSV table of poses ({str(error).strip()})") from error
+    table = read_table(motion.file)
     missing = [name for name in COLUMNS if name not in table]
     if missing:
         raise SimulationError(f"{motion.file}: lacks {', '.join(missing)}; poses need {', '.join(COLUMNS)}")

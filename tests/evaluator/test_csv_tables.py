@@ -1,7 +1,7 @@
 """What tables look like as text."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from evaluator.files import csv_tables as module
 from evaluator.files.csv_tables import csv_text, read_runs, write_table
+from simulator import units
 
 
 def of_pandas(table: pd.DataFrame) -> str:
@@ -68,3 +69,44 @@ def test_ids_of_runs_that_look_like_numbers_or_like_nothing_are_read_as_they_wer
     assert read["run"].tolist() == [name]
     assert read["radius_mm"].isna().all()
     assert read["group"].tolist() == ["01"]
+
+
+NUMBERS = pd.DataFrame({"time_s": [0.0, 0.5, 1.25], "x_mm": [1.5, math.nan, -2.0]})
+TEXT = "time_s,x_mm\n0.0,1.5\n0.5,\n1.25,-2.0\n"
+
+
+@pytest.mark.parametrize("read", [module.read_table, units.read_table])
+@pytest.mark.parametrize(
+    "written",
+    [
+        TEXT.encode("utf-8-sig"),
+        TEXT.replace(",", ";").replace(".", ",").encode(),
+        TEXT.replace(",", "\t").replace(".", ",").encode(),
+        TEXT.replace("time_s,x_mm", '"time_s", "x_mm"').encode(),
+        f"{TEXT},\n,\n".replace("\n", "\r\n").encode(),
+    ],
+    ids=["byte order mark", "semicolons", "tabs", "quotes", "empty rows at the end"],
+)
+def test_a_table_is_read_as_spreadsheets_write_it(
+    read: Callable[[Path], pd.DataFrame], written: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / "t.csv").write_bytes(written)
+    pd.testing.assert_frame_equal(read(tmp_path / "t.csv"), NUMBERS)
+
+
+@pytest.mark.parametrize("read", [module.read_table, units.read_table])
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        (TEXT.replace(",", "\t").encode("utf-16"), "probably in UTF-16, the Unicode text of spreadsheets"),
+        (TEXT.encode("utf-16-be"), "probably in UTF-16, the Unicode text of spreadsheets"),
+        ("µ,time_s\n0,1\n".encode("latin-1"), "not a CSV table in UTF-8 (byte 0)"),
+    ],
+)
+def test_a_table_in_another_encoding_says_how_to_save_it(
+    read: Callable[[Path], pd.DataFrame], written: bytes, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "t.csv").write_bytes(written)
+    with pytest.raises(ValueError, match=r"save it as CSV UTF-8$") as error:
+        read(tmp_path / "t.csv")
+    assert str(error.value) == f"{tmp_path / 't.csv'}: {said}; save it as CSV UTF-8"

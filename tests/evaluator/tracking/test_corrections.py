@@ -16,9 +16,11 @@ def table() -> pd.DataFrame:
     return pd.DataFrame({"frame": [10, 11], "time_s": [0.0, 0.1], **columns, "green_status": "ok"})
 
 
-def test_corrections_replace_remove_and_say_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_corrections_replace_remove_and_say_so(tmp_path: Path, separator: str) -> None:
     path = tmp_path / "c.csv"
-    path.write_text("frame,mark,x,y\n10,green,7.5,8.5\n11,green,absent,\n")
+    text = "frame,mark,x,y\n10,green,7.5,8.5\n11,green,absent,\n"
+    path.write_text(text if separator == "," else text.replace(",", ";").replace(".", ","))
     corrected = correct(table(), read_corrections(path))
     assert corrected["green_x_px"][0] == 7.5
     assert np.isnan(corrected["green_x_px"][1])
