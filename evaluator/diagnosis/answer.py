@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy, step_in_speed
+from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
 from evaluator.diagnosis.assessment.gap import beyond_noise
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
@@ -17,6 +17,7 @@ from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, mate
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.search_runs import name_what_is_off, rank_named
+from evaluator.diagnosis.session_changes import step_in_speed
 from simulator.effects.coordinates import Candidate
 
 

@@ -184,11 +184,11 @@ class NextExperimentContent(TypedDict):
 
 
 class UnlikeRunsContent(TypedDict):
-    """Runs that the model explains, but with friction or wheel speeds that differ from those of the other runs."""
+    """Runs that the model explains, but with friction or wheel speeds unlike those of other runs, or of runs before."""
 
     runs: list[str]
     quantity: str  # "friction", "left_gain" or "right_gain" (speed of the wheels of a side)
-    relative_change: Number  # relative to the other runs
+    relative_change: Number  # relative to the other runs, or to the runs before
     sentence: str  # in words
 
 

@@ -6,6 +6,7 @@ from evaluator.diagnosis.assessment.adequacy import unlike_runs
 from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
 from evaluator.diagnosis.result import Diagnosis
+from evaluator.diagnosis.session_changes import FrictionChange, friction_change
 
 WHEELS = {"left_gain": "the left wheels turn", "right_gain": "the right wheels turn"}
 
@@ -14,8 +15,11 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
     """One entry for runs with the same deviation from the others; of wheel speeds, if it is relevant."""
     if diagnosis.leftover is None or not diagnosis.follows or diagnosis.verdict not in ("none", "effect"):
         return []
-    found: list[UnlikeRunsContent] = []
+    changed = friction_change(diagnosis.leftover, diagnosis.fit.runs, diagnosis.session.data)
+    found = [] if changed is None else [_over_session(changed, diagnosis)]
     for item in unlike_runs(diagnosis.leftover, diagnosis.fit.runs):
+        if item.what == "friction" and changed is not None and set(item.runs) <= set(changed.runs):
+            continue
         percent = 100 * item.change
         if item.what in WHEELS and abs(percent) <= diagnosis.session.relevant.speed_percent:
             continue
@@ -33,3 +37,24 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
             }
         )
     return found
+
+
+def _over_session(changed: FrictionChange, diagnosis: Diagnosis) -> UnlikeRunsContent:
+    """The entry for a friction that changes over the session."""
+    runs = [diagnosis.session.data[run].id for run in changed.runs]
+    percent = 100 * changed.change
+    if changed.once:
+        way = "higher" if percent > 0 else "lower"
+        sentence = f"from {runs[0]} on, friction is {abs(percent):.2g} % {way} than before: was the plate cleaned?"
+    else:
+        way = "rises" if percent > 0 else "falls"
+        sentence = (
+            f"friction {way} by {abs(percent):.2g} % over the session, from {runs[0]} to {runs[-1]}: "
+            f"clean the plate and the wheels before each run"
+        )
+    return {
+        "runs": runs,
+        "quantity": "friction",
+        "relative_change": rounded(changed.change),
+        "sentence": sentence,
+    }

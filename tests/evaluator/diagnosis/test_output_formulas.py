@@ -22,6 +22,7 @@ from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
 from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
+from evaluator.diagnosis.session_changes import FrictionChange
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.robot import shipped_robot_text
 
@@ -287,9 +288,29 @@ def test_runs_unlike_the_others_are_told_with_sign_and_size(
     what: str, change: float, said: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((0, 2), what, change)])
+    monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: None)
     session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
     found: Any = SimpleNamespace(leftover=0, follows=True, verdict="none", session=session)
     found.fit = SimpleNamespace(runs=(0, 1, 2))
     assert [item["sentence"] for item in unlike_runs.unlike(found)] == ([said] if said else [])
     found.verdict = "unknown"  # then they mean nothing
     assert unlike_runs.unlike(found) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (FrictionChange((1, 2), -0.153, once=True), "from r1 on, friction is 15 % lower than before: was the plate"),
+        (FrictionChange((0, 1, 2), 0.08, once=False), "friction rises by 8 % over the session, from r0 to r2: clean"),
+    ],
+)
+def test_friction_that_changes_over_the_session_is_told_once(
+    change: FrictionChange, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((2,), "friction", -0.2)])
+    monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: change)
+    session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
+    fit = SimpleNamespace(runs=(0, 1, 2))
+    (told,) = unlike_runs.unlike(SimpleNamespace(leftover=0, follows=True, verdict="none", session=session, fit=fit))  # type: ignore[arg-type]
+    assert told["sentence"].startswith(said)
+    assert told["runs"] == [f"r{run}" for run in change.runs]

@@ -1,4 +1,4 @@
-"""A speed that changes once between two runs is no drift from run to run."""
+"""What changes over a session: a speed once, which is no drift, or the friction, which is no missing physics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from evaluator.diagnosis.assessment.adequacy import DRIFT, step_in_speed, step_over_line
+from evaluator.diagnosis.assessment.adequacy import Adequacy, _order
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.session_changes import DRIFT, friction_change, step_in_speed, step_over_line
 
 ORDER = np.arange(16.0)
 # Speeds of 16 runs of a laboratory's simulation, percent, a hundredth slower from the ninth on; the seventh is unlike.
@@ -84,3 +86,41 @@ def test_weak_drifts_pass_for_steps_as_seldom_as_the_odds_say() -> None:
         for _ in range(200)
     ]
     assert np.mean(np.array(odds) > np.log(20)) <= 0.05
+
+
+RUNS = [RunData(f"r{k}", 30.0, 20.0, 0.0, None, np.arange(2.0), np.zeros((2, 4)), k) for k in range(14)]
+
+
+def with_friction(friction: np.ndarray, share: float = 0.5) -> Adequacy:
+    """A model whose runs have these frictions, each seen by a share of its variance and shrunk by as much."""
+    effects = np.zeros((len(friction), 4))
+    effects[:, 0] = share * friction
+    return Adequacy(1.0, 0.0, np.ones(len(friction)), effects, np.full(effects.shape, share), 1.0, "")
+
+
+SCATTER_OF_FRICTION = np.random.default_rng(4).normal(0.0, 0.02, 14)
+WIPED, DUSTY = np.where(np.arange(14) > 4, -0.15, 0.0), -0.01 * np.arange(14)
+
+
+@pytest.mark.parametrize("friction", [WIPED, DUSTY])
+def test_friction_that_changes_over_the_session_is_no_missing_physics(friction: np.ndarray) -> None:
+    left = with_friction(friction + SCATTER_OF_FRICTION)
+    assert _order(left.random_effects, left.shares, RUNS, np.zeros(4))[0] == 1.0
+
+
+def test_friction_of_a_plate_wiped_after_five_runs_is_told_with_place_and_size() -> None:
+    found = friction_change(with_friction(WIPED + SCATTER_OF_FRICTION), range(14), RUNS)
+    assert found is not None
+    assert (found.runs, found.once) == (tuple(range(5, 14)), True)
+    assert found.change == pytest.approx(-0.15, abs=0.03)
+
+
+def test_friction_of_a_plate_that_gathers_dust_is_told_from_the_first_run_to_the_last() -> None:
+    found = friction_change(with_friction(2 * DUSTY + SCATTER_OF_FRICTION), range(14), RUNS)
+    assert found is not None
+    assert (found.runs, found.once) == (tuple(range(14)), False)
+    assert found.change == pytest.approx(-0.26, abs=0.06)
+
+
+def test_scatter_of_friction_is_no_change_over_the_session() -> None:
+    assert friction_change(with_friction(SCATTER_OF_FRICTION), range(14), RUNS) is None
