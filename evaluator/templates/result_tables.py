@@ -14,7 +14,7 @@ OF_MARKS: Columns = {
     "paths": "of a robot with a single mark `MARK_radius_mm`, `MARK_radius_low_mm`, `MARK_radius_high_mm` and "
     "`MARK_speed_mm_s`",
 }
-OF_PHASES = ("phase", "phase_start_s", "phase_stop_s", "late_s", "late_low_s", "late_high_s", "rise_s")
+OF_PHASES = ("phase", "phase_start_s", "phase_stop_s", "late_s", "late_low_s", "late_high_s", "rise_s", "hidden_rise_s")
 GROUPED = (
     "`group` is that of the run in experiment.toml. A run with a command log has a row for each phase of constant "
     f"command, and the columns {', '.join(f'`{name}`' for name in OF_PHASES)}."

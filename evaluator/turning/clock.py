@@ -5,19 +5,23 @@ change this motion is fitted to the poses: the velocity changes either suddenly,
 robot that slides, a drive that limits acceleration) if that fits significantly better. The estimated delay is the time
 from the command to the beginning of the change; delay and rise time are common to all changes.
 
-The delay includes the dead time of the motors, which a recording cannot distinguish from an offset of the clocks, and
-half of a rise time that is too short to be detected.
+The delay includes the dead time of the motors, which a recording cannot distinguish from an offset of the clocks. A
+rise time that is too short to be detected delays the motion by half of it, as a sudden change that comes later does;
+the interval of the delay therefore begins where the longest rise time would begin that the recording and the friction
+of the wheels allow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+
+from evaluator.turning.motion.velocity_change import left_over
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -34,7 +38,12 @@ WORTH = 10.8
 # steady within FINE_S.
 RISES_S = np.geomspace(0.02, 1.0, 8)
 ROUGH = 1e-3  # tolerance of intermediate delays (s) and logarithms of rise times
-STEPS = 8  # integration steps per frame along a path with changing velocity
+# Tolerance of delays (s) with which rise times are limited: a tenth of the narrowest intervals; and halvings between
+# two of RISES_S, which leave 2 % of a rise time.
+FINELY, HALVINGS = 1e-5, 5
+# Acceleration that wheels give a robot on ice if half of them are driven: a tenth of gravity, mm/s². A robot of some
+# millimetres per second then has its speed within milliseconds, one of a metre per second within a second.
+LEAST_ACCELERATION = 980.0
 Windows = list[tuple[float, NDArray[np.bool_]]]  # times of changes in the log, and the frames (n,) around each
 
 
@@ -42,13 +51,16 @@ Windows = list[tuple[float, NDArray[np.bool_]]]  # times of changes in the log, 
 class CommandDelay:
     """Delay of the motion after the command, s, with its 95 % interval; NaN if no change can be used.
 
-    rise_s: time within which the velocity then changes; 0 if it changes suddenly.
+    rise_s: time within which the velocity then changes; 0 if none is detected. hidden_rise_s: then the longest one that
+    recording (95 %) and friction allow. The delay includes half of a rise time that is not detected, and the interval
+    holds the delay with this half and without it.
     """
 
     value_s: float = NAN
     low_s: float = NAN
     high_s: float = NAN
     rise_s: float = 0.0
+    hidden_rise_s: float = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -58,14 +70,17 @@ class CommandDelay:
     @property
     def settled_s(self) -> float:
         """Longest time after a command at which the velocity still changes."""
-        return self.high_s + self.rise_s
+        return self.high_s + self.rise_s + self.hidden_rise_s / 2
 
 
-def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> CommandDelay:
+def command_delay(
+    time_s: Array, pose: Array, changes_s: Sequence[float], reach_mm: float = float("inf")
+) -> CommandDelay:
     """Estimate the delay of the motion after the command log.
 
     time_s: (n,). pose: (n, 3) x, y in mm and heading in rad, unwrapped, without NaN. changes_s: times of the log at
     which the command changes, in order. A change too close to another one, or to an end of the recording, is not used.
+    reach_mm: distance of the farthest wheel from the centre; infinite if it is not known.
     """
     step = float(np.median(np.diff(time_s))) / 2
     windows, room = _windows(time_s, changes_s, 2 * step * FEWEST_FRAMES)
@@ -83,12 +98,27 @@ def command_delay(time_s: Array, pose: Array, changes_s: Sequence[float]) -> Com
     coarse = float(grid[best])
     near = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
     fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
-    return _refined(time_s, pose, fine, coarse, step) if fine else CommandDelay()
+    if not fine:
+        return CommandDelay()
+    longest_s = _change_mm_s(time_s, pose, changes_s, reach_mm) / LEAST_ACCELERATION
+    return _refined(time_s, pose, fine, coarse, step, longest_s)
 
 
 def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:
     """Largest delay that command_delay finds; 0 if the changes follow one another too fast for any."""
     return _most(_windows(time_s, changes_s, float(np.median(np.diff(time_s))) * FEWEST_FRAMES)[1])
+
+
+def _change_mm_s(time_s: Array, pose: Array, changes_s: Sequence[float], reach_mm: float) -> float:
+    """Largest change of the velocity of a wheel between commands; infinite if the place of the wheels is not known."""
+    if not np.isfinite(reach_mm):
+        return reach_mm
+    steps = np.diff(pose, axis=0) / np.diff(time_s)[:, None]
+    ahead = (steps[:, 0] + 1j * steps[:, 1]) * np.exp(-1j * (pose[1:, 2] + pose[:-1, 2]) / 2)
+    twists = np.column_stack([ahead.real, ahead.imag, reach_mm * steps[:, 2]])
+    number = np.searchsorted(np.asarray(changes_s), time_s[1:])
+    usual = np.array([np.median(twists[number == each], axis=0) for each in np.unique(number)])
+    return float(np.abs(np.diff(usual, axis=0)).sum(axis=1).max(initial=0.0))
 
 
 def _most(room: Array) -> float:
@@ -122,8 +152,13 @@ def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
     return np.asarray((time_s >= low) & (time_s <= high))
 
 
-def _refined(time_s: Array, pose: Array, windows: Windows, coarse: float, step: float) -> CommandDelay:
-    """The delay of smallest misfit near a coarse one, and its 95 % limits, by the growth of the misfit."""
+def _refined(
+    time_s: Array, pose: Array, windows: Windows, coarse: float, step: float, longest_s: float
+) -> CommandDelay:
+    """The delay of smallest misfit near a coarse one, and its 95 % limits, by the growth of the misfit.
+
+    longest_s: of a rise time that is not detected.
+    """
 
     def misfit(late: float, rise: float = 0.0) -> float:
         return _misfit(time_s, pose, windows, late, rise)[0]
@@ -133,17 +168,22 @@ def _refined(time_s: Array, pose: Array, windows: Windows, coarse: float, step: 
         low, high = (best + way * _reach(of, best, way, limit, step) for way in (-1, 1))
         return CommandDelay(best, low, high, rise)
 
-    def begun(rise: float) -> tuple[float, float]:  # earlier than a sudden change that fits, by half the rise time
-        return _least(lambda late: misfit(late, rise), coarse - rise / 2, rise / 2, ROUGH)
-
     best, least = _least(misfit, coarse, 2 * step)
-    if _independent(time_s, pose, windows, best, 0.0) <= 0:
+    independent = _independent(time_s, pose, windows, best, 0.0)
+    if independent <= 0:
         return CommandDelay()
+
+    def begun(rise: float, to: float = ROUGH) -> tuple[float, float]:  # earlier than a sudden change, by half the rise
+        return _least(lambda late: misfit(late, rise), best - rise / 2, rise / 2, to)
+
     tried = {rise: begun(rise) for rise in RISES_S.tolist()}
     rise = min(tried, key=lambda each: tried[each][1])
     late, risen = tried[rise]
     if _independent(time_s, pose, windows, late, rise) * np.log(least / risen) < WORTH:
-        return ended(misfit, best, least)
+        limit = min(least, risen) * (1 + CHI2_95 / independent)
+        hidden = min(_longest(lambda size: begun(size, FINELY)[1] <= limit, [0.0, *RISES_S.tolist()]), longest_s)
+        found = ended(misfit, best, least)
+        return replace(found, low_s=min(found.low_s, begun(hidden, FINELY)[0]), hidden_rise_s=hidden)
     width = float(np.log(RISES_S[1] / RISES_S[0]))
 
     def took(late: float) -> tuple[float, float]:  # best rise time for a delay: the two are correlated
@@ -151,6 +191,16 @@ def _refined(time_s: Array, pose: Array, windows: Windows, coarse: float, step: 
 
     best, least = _least(lambda late: took(late)[1], late, rise / 4, ROUGH)
     return ended(lambda late: took(late)[1], best, least, float(np.exp(took(best)[0])))
+
+
+def _longest(is_allowed: Callable[[float], bool], rises: Sequence[float]) -> float:
+    """The longest allowed rise time, s, from the longest of some in ascending order; the first is allowed."""
+    number = max([0, *(number for number, rise in enumerate(rises) if number and is_allowed(rise))])
+    inner, outer = rises[number], rises[min(number + 1, len(rises) - 1)]
+    for _ in range(HALVINGS):
+        middle = (inner + outer) / 2
+        inner, outer = (middle, outer) if is_allowed(middle) else (inner, middle)
+    return inner
 
 
 def _least(of: Callable[[float], float], middle: float, width: float, to: float = 1e-6) -> tuple[float, float]:
@@ -186,7 +236,7 @@ def _misfit(time_s: Array, pose: Array, windows: Windows, late: float, rise: flo
     products, squares = 0.0, 0.0
     for change, frames in windows:
         since = time_s[frames] - change - late
-        headings, places = _left_over(since, pose[frames], rise)
+        headings, places = left_over(since, pose[frames], rise)
         turn, place = turn + float(headings @ headings), place + float((places**2).sum())
         counts[0], counts[1] = counts[0] + len(since) - 3, counts[1] + 2 * len(since) - 6
         products += float((places[1:] * places[:-1]).sum())
@@ -195,67 +245,3 @@ def _misfit(time_s: Array, pose: Array, windows: Windows, late: float, rise: flo
     tiny = 1e-300
     total = np.exp((counts[0] * np.log(turn + tiny) + counts[1] * np.log(place + tiny)) / freedom)
     return float(total), freedom, float(np.clip(products / max(squares, tiny), 0.0, 0.95))
-
-
-def _left_over(since: Array, pose: Array, rise: float = 0.0) -> tuple[Array, Array]:
-    """Residuals of headings (m,), rad, and positions (m, 2), mm, after a fit of a motion with one change of velocity.
-
-    since: (m,) time since the beginning of the change, s. rise: duration of the change, s.
-    """
-    before, after = _ways(since, rise)
-    design = np.column_stack([np.ones_like(since), before, after])
-    heading, rates = _fitted(design, pose[:, 2])
-    columns = _arcs(since, rates) if rise == 0 else _bent(since, rise, rates)
-    moves = np.stack(columns, axis=1)
-    still = np.ones((len(since), 1))
-    nothing = np.zeros((len(since), 1))
-    stacked = np.block([[still, nothing, moves.real], [nothing, still, moves.imag]])
-    places = _fitted(stacked, np.concatenate([pose[:, 0], pose[:, 1]]))[0]
-    return pose[:, 2] - heading, pose[:, :2] - places.reshape(2, -1).T
-
-
-def _ways(since: Array, rise: float) -> tuple[Array, Array]:
-    """Path lengths (m,) at unit velocity by the velocities before and after a change, measured from its beginning."""
-    before, after = np.minimum(since, 0), np.maximum(since, 0)
-    if rise == 0:
-        return before, after
-    rising = np.minimum(after, rise)
-    still = rising - rising**2 / (2 * rise)  # share of the former velocity during the change, integrated
-    return before + still, after - still
-
-
-def _arcs(since: Array, rates: Array) -> list[NDArray[np.complex128]]:
-    """Arcs driven at unit speed forward and to the left, before a sudden change and after it, x + iy.
-
-    rates: (3,) heading at the change, yaw rates before and after it.
-    """
-    columns = []
-    for part, rate in zip(_ways(since, 0.0), rates[1:], strict=True):
-        half = rate * part / 2
-        chord = part * np.sinc(half / np.pi)
-        angle = rates[0] + half
-        columns += [chord * np.exp(1j * angle), 1j * chord * np.exp(1j * angle)]
-    return columns
-
-
-def _bent(since: Array, rise: float, rates: Array) -> list[NDArray[np.complex128]]:
-    """Paths as of `_arcs` if the velocity changes steadily within a rise time, by the trapezoidal rule."""
-    frames = np.interp(np.arange(STEPS * (len(since) - 1) + 1) / STEPS, np.arange(len(since)), since)
-    times = np.unique(np.r_[frames, 0.0])
-    before, after = _ways(times, rise)
-    way = np.exp(1j * (rates[0] + rates[1] * before + rates[2] * after))
-    fading = 1 - np.clip(times / rise, 0, 1)
-    columns = []
-    for share in (fading, 1 - fading):
-        speed = share * way
-        path = np.r_[0.0, np.cumsum(np.diff(times) * (speed[1:] + speed[:-1]) / 2)]
-        seen = path[np.searchsorted(times, since)]
-        columns += [seen, 1j * seen]
-    return columns
-
-
-def _fitted(design: Array, values: Array) -> tuple[Array, Array]:
-    """Fit and coefficients of a linear least-squares fit."""
-    found: Array = np.linalg.lstsq(design, values, rcond=None)[0].astype(float)
-    fit: Array = design @ found
-    return fit, found

@@ -124,6 +124,13 @@ class RunResult:
         return RunResult(job.run.id, rows, simulated, notes, reused=reused)
 
 
+def _of_a_rise(hidden_s: float) -> str:
+    """The part of a delay that may be half of a rise of the speed too short to be seen, as the end of a sentence."""
+    if round(hidden_s, 3) <= 0:
+        return ""
+    return f"; if the speed takes up to {hidden_s:.3f} s to change, which would not show, half of that is included"
+
+
 def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
     """Peculiarities of a recording; truncation of a stream without an index is detected by its command log."""
     off = 100 * (turning.get("mark_spacing_ratio", float("nan")) - 1)
@@ -138,7 +145,7 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
         yield (
             f"moves {turning['late_s']:.3f} s later than its command log (95 % from "
             f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
-            "that wait"
+            f"that wait{_of_a_rise(turning.get('hidden_rise_s', 0.0))}"
         )
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:

@@ -59,7 +59,7 @@ class Phase:
         )
 
 
-def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
+def phases_of(run_command: RunCommand, poses: Poses, shape: RobotShape | None = None) -> tuple[Phase, ...]:
     """The phases of a run in order of time; of a run with a log, long enough intervals with a motor on.
 
     Phases are delayed like the motion relative to the log, because of different clocks or a dead time. Frames that may
@@ -70,11 +70,11 @@ def phases_of(run_command: RunCommand, poses: Poses) -> tuple[Phase, ...]:
         left, right = run_command.main(first, last)
         start_s = run_command.start_s if run_command.starts_at_rest else None
         return (Phase(slice(None), left, right, start_s, run_command.stop_s),)
-    late = command_delay_of(run_command, poses)
+    late = command_delay_of(run_command, poses, shape)
     return tuple(_stretches(run_command, poses.time_s, late))
 
 
-def command_delay_of(run_command: RunCommand, poses: Poses) -> CommandDelay:
+def command_delay_of(run_command: RunCommand, poses: Poses, shape: RobotShape | None = None) -> CommandDelay:
     """Delay of a run's motion after its command log.
 
     Of clocks far apart, and of a log that changes again before the motion has followed, by the whole motion; otherwise
@@ -88,12 +88,14 @@ def command_delay_of(run_command: RunCommand, poses: Poses) -> CommandDelay:
     apart_s = offset.value_s if offset is not None and abs(offset.value_s) > MOST_LATE_S else 0.0
     begun = [apart_s + item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
     changes = [change for change in begun if time_s[0] < change < time_s[-1]]
-    found = command_delay(time_s, pose, changes)
+    reach_mm = math.inf if shape is None else float(np.hypot(*np.transpose(shape.wheel_positions_mm)).max())
+    found = command_delay(time_s, pose, changes, reach_mm)
     if offset is not None and changes:
         late_s = abs(offset.value_s - apart_s)
         if not np.isfinite(found.value_s) or late_s > most_late_s(time_s, changes):
             return CommandDelay(offset.value_s, offset.low_s, offset.high_s)
-    return CommandDelay(found.value_s + apart_s, found.low_s + apart_s, found.high_s + apart_s, found.rise_s)
+    limits = {name: getattr(found, name) + apart_s for name in ("value_s", "low_s", "high_s")}
+    return replace(found, **limits)
 
 
 def _offset(
@@ -136,6 +138,7 @@ def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: Comma
             "late_low_s": late.low_s,
             "late_high_s": late.high_s,
             "rise_s": late.rise_s,
+            "hidden_rise_s": late.hidden_rise_s,
         }
         yield Phase(frames, item.left_rpm, item.right_rpm, head=head)
 

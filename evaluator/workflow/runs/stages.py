@@ -104,7 +104,7 @@ class _Stages:
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        return phases_of(self.run_command, self.poses)
+        return phases_of(self.run_command, self.poses, robot_shape(self.job.robot))
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.turning.clock import CommandDelay, _left_over, _misfit, command_delay
+from evaluator.turning.clock import CommandDelay, _misfit, command_delay
+from evaluator.turning.motion.velocity_change import left_over
 
 FRAME_S = 0.05
 Twist = tuple[float, float, float]  # forward and leftward mm/s, yaw rad/s
@@ -54,7 +55,27 @@ def test_lateness_common_to_all_changes_is_found_whatever_its_sign(late: float) 
 @pytest.mark.parametrize("rise", [0.24, 0.6])
 def test_lateness_is_that_of_the_beginning_of_a_change_that_takes_time(rise: float) -> None:
     """As of a heavy robot that slides until it has come up to speed; without a rise time 0.12 and 0.3 s too late."""
-    late, changes = 0.2, [2.5, 6.0]
+    late = 0.2
+    found = delay_of_rising(rise, late)
+    assert found.low_s < late < found.high_s
+    assert found.high_s - found.low_s < 0.1
+    assert found.rise_s == pytest.approx(rise, rel=0.4)
+    assert found.settled_s == pytest.approx(late + rise, abs=0.2)
+
+
+def test_interval_holds_the_delay_with_and_without_half_of_a_rise_that_is_too_short_to_be_seen() -> None:
+    found = delay_of_rising(0.05, 0.2)
+    assert found.rise_s == 0
+    assert found.value_s == pytest.approx(0.225, abs=0.01)
+    assert found.low_s < 0.2
+    assert found.high_s > 0.225
+    assert 0.05 < found.hidden_rise_s < 0.15
+    assert found.settled_s > 0.25
+
+
+def delay_of_rising(rise: float, late: float) -> CommandDelay:
+    """What is found of two changes of velocity that take a time."""
+    changes = [2.5, 6.0]
     fine = np.arange(0, 9, FRAME_S / 20)
     twists = np.array([STRAIGHT, TURN, BACK])
     parts = [np.clip((fine - change - late) / rise, 0, 1)[:, None] for change in changes]
@@ -62,19 +83,15 @@ def test_lateness_is_that_of_the_beginning_of_a_change_that_takes_time(rise: flo
     heading = np.cumsum(twist[:, 2]) * FRAME_S / 20
     way = np.cumsum((twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)) * FRAME_S / 20
     pose = np.column_stack([way.real, way.imag, heading])[::20]
-    found = command_delay(fine[::20], noisy(pose, 1), changes)
-    assert found.low_s < late < found.high_s
-    assert found.high_s - found.low_s < 0.1
-    assert found.rise_s == pytest.approx(rise, rel=0.4)
-    assert found.settled_s == pytest.approx(late + rise, abs=0.2)
+    return command_delay(fine[::20], noisy(pose, 1), changes)
 
 
 def test_constant_velocities_on_either_side_of_a_change_leave_nothing_of_their_arcs() -> None:
     since = np.arange(-1, 1, FRAME_S)
-    headings, places = _left_over(since, driven(since, [0.0], TURN, BACK))
+    headings, places = left_over(since, driven(since, [0.0], TURN, BACK))
     assert np.abs(headings).max() < 1e-9
     assert np.abs(places).max() < 1e-5  # of the arcs drawn above
-    assert np.abs(_left_over(since, driven(since, [0.2], TURN, BACK))[1]).max() > 0.05
+    assert np.abs(left_over(since, driven(since, [0.2], TURN, BACK))[1]).max() > 0.05
 
 
 @pytest.mark.parametrize("times", [2.0, 100.0])
@@ -92,11 +109,11 @@ def test_misfit_grows_with_the_square_of_the_noise_and_has_no_other_part(times: 
 
 
 def scatter(share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of 25 runs, and half the widths of their intervals."""
+    """Errors of 25 runs, and the parts of their intervals above; below, a rise time may hide."""
     time = np.arange(0, 3, FRAME_S)
     pose = driven(time, [1.62], STRAIGHT, TURN)
     found = [command_delay(time, noisy(pose, seed, share), [1.5]) for seed in range(25)]
-    return np.array([one.value_s - 0.12 for one in found]), np.array([one.high_s - one.low_s for one in found]) / 2
+    return np.array([one.value_s - 0.12 for one in found]), np.array([one.high_s - one.value_s for one in found])
 
 
 def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:

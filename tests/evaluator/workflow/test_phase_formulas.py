@@ -75,8 +75,9 @@ def test_a_log_without_a_phase_says_why() -> None:
 def test_a_delay_is_told_by_the_changes_of_the_log_and_the_poses_that_are_there(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def delay(times: np.ndarray, pose: np.ndarray, changes: list[float]) -> CommandDelay:
+    def delay(times: np.ndarray, pose: np.ndarray, changes: list[float], reach_mm: float) -> CommandDelay:
         assert changes == [1.0, 2.0, 2.2]  # those within the recording
+        assert reach_mm == 5.0  # of the farthest wheel
         np.testing.assert_array_equal(pose, np.column_stack([times, 2 * times, 3 * times]))
         return CommandDelay(0.1, 0.0, 0.2)
 
@@ -87,7 +88,8 @@ def test_a_delay_is_told_by_the_changes_of_the_log_and_the_poses_that_are_there(
         poses: Any = SimpleNamespace(
             measured=there, time_s=TIME_S, x_mm=TIME_S, y_mm=2 * TIME_S, heading_rad=3 * TIME_S
         )
-        assert phases.command_delay_of(LOG, poses).is_known == known
+        shape: Any = SimpleNamespace(wheel_positions_mm=((1.0, -2.0), (-3.0, 4.0)))
+        assert phases.command_delay_of(LOG, poses, shape).is_known == known
 
 
 def turning(monkeypatch: pytest.MonkeyPatch, yaw: float, **said: float) -> None:

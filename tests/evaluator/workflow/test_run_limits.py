@@ -49,6 +49,14 @@ def test_a_log_that_is_a_tenth_of_a_second_off_is_remarked_where_it_is_known_as_
     assert bool(list(_notes(run(), {}, turning))) == said
 
 
+@pytest.mark.parametrize(("hidden", "said"), [(0.0, ""), (4e-4, ""), (0.04, "takes up to 0.040 s to change")])
+def test_half_of_a_rise_that_would_not_show_is_said_to_be_in_the_delay(hidden: float, said: str) -> None:
+    turning = {"late_s": 0.3, "late_low_s": 0.27, "late_high_s": 0.31, "hidden_rise_s": hidden}
+    (note,) = _notes(run(), {}, turning)
+    assert note.endswith("half of that is included" if said else "motors that wait")
+    assert said in note
+
+
 @pytest.mark.parametrize(("stop", "said"), [(5.09, False), (5.11, True)])
 def test_a_recording_that_ends_a_tenth_of_a_second_before_the_motors_stop_is_remarked(
     stop: float, *, said: bool

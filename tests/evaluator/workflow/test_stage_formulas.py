@@ -53,7 +53,7 @@ def test_a_delay_is_that_of_the_changes_after_that_of_clocks_far_apart(
 ) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(phases, "_offset", lambda *given: asked.append((len(given[1]), given[3])) or offset)
-    monkeypatch.setattr(phases, "command_delay", lambda _, __, changes: asked.append(changes) or found)
+    monkeypatch.setattr(phases, "command_delay", lambda _, __, changes, ___: asked.append(changes) or found)
     monkeypatch.setattr(phases, "most_late_s", lambda *_: late_s)
     delay = phases.command_delay_of(LOG, poses())
     assert (delay.value_s, delay.low_s, delay.high_s, delay.rise_s) == pytest.approx(expected)
