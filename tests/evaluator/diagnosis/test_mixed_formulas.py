@@ -164,6 +164,17 @@ def test_bounded_parameters_are_the_best_on_the_bounds() -> None:
     assert bound[1] == pytest.approx((g.sum(axis=0)[1] - whole[1, 0] * high[0]) / whole[1, 1], rel=1e-6)
 
 
+def test_parameters_that_no_run_responds_to_stay_absent_beside_others_at_their_bounds() -> None:
+    """A limit of speed above all commands: rounding sought it at 1e140, where the robot stands still."""
+    every, shown = reduce_runs(linear_runs(count=9, parameters=6)), np.array([1.0, 0, 1, 1, 0, 1])
+    silent = replace(every, g=every.g * shown, G=every.G * np.outer(shown, shown), C=every.C * shown)
+    low = np.where(shown, solve_at(silent, np.zeros(6), TAU) + 0.1, 0.0)
+    found = solve_within(silent, np.zeros(6), TAU, low, np.full(6, np.inf))
+    assert (found >= low).all()
+    assert (found[shown == 0] == 0).all()
+    assert np.abs(found).max() < 10
+
+
 def test_own_numbers_of_a_run_are_those_of_the_dense_conditional() -> None:
     runs, theta = linear_runs(), np.array([0.3, -0.4])
     means, covariances = run_effects(reduce_runs(runs), theta, TAU)

@@ -245,15 +245,22 @@ def solve_at(reduced: Reduced, prior_precision: Floats, tau: Floats) -> Floats:
 
 
 def solve_within(reduced: Reduced, prior_precision: Floats, tau: Floats, low: Floats, high: Floats) -> Floats:
-    """Most probable common parameters (p,) within bounds (p,). Source: Stark & Parker (1995), Comput. Stat. 10, 129."""
+    """Most probable common parameters (p,) within bounds (p,). Source: Stark & Parker (1995), Comput. Stat. 10, 129.
+
+    A parameter that the runs do not respond to, such as a limit above all commands, has no optimum and gets the value
+    at which it is absent.
+    """
     free = solve_at(reduced, prior_precision, tau)
     if ((free >= low) & (free <= high)).all():
         return free
     normal, right, scale = _normal_at(reduced, prior_precision, tau)
-    values, vectors = np.linalg.eigh(normal)
+    shown = np.flatnonzero(np.diag(normal) > 0)
+    scale, limits = scale[shown], (low[shown] * scale[shown], high[shown] * scale[shown])
+    values, vectors = np.linalg.eigh(normal[np.ix_(shown, shown)])
     roots = np.sqrt(np.maximum(values, RIDGE * values[-1]))
-    target = vectors.T @ right / roots
-    found = lsq_linear(roots[:, None] * vectors.T, target, (low * scale, high * scale), method="bvls").x / scale
+    target = vectors.T @ right[shown] / roots
+    found = np.zeros(len(low))
+    found[shown] = lsq_linear(roots[:, None] * vectors.T, target, limits, method="bvls").x / scale
     return np.asarray(np.clip(found, low, high))
 
 
