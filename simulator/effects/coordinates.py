@@ -51,7 +51,16 @@ class Scene:
     @property
     def usual_rpm(self) -> float:
         """The median of the levels at which a wheel turns."""
-        return median([level for level in self.command_levels_rpm if level > 0] or [WITHOUT_COMMANDS_RPM])
+        return median(self._turning_rpm)
+
+    @property
+    def fast_rpm(self) -> float:
+        """Their upper quartile, below the highest of them if there are several."""
+        return self._turning_rpm[3 * (len(self._turning_rpm) - 1) // 4]
+
+    @property
+    def _turning_rpm(self) -> list[float]:
+        return sorted(level for level in self.command_levels_rpm if level > 0) or [WITHOUT_COMMANDS_RPM]
 
 
 @dataclass(frozen=True)

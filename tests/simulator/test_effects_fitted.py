@@ -179,8 +179,9 @@ def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_sp
     assert found.physical((0.05, 0.1, 0.2)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 10.0, "turn_rpm": 5.0})
     assert found.physical((0.05, 0.0, 0.0)) == pytest.approx({"wheel_rpm": 20.0, "ahead_rpm": 1e6, "turn_rpm": 1e6})
     assert set(found.physical(found.absent).values()) == {1e6}
-    assert found.starts == (pytest.approx((0.1,) * 3),)  # of 10, 10, 10 and 30 rpm
-    assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts == (pytest.approx((1 / 60,) * 3),)
+    assert found.starts == (pytest.approx((0.1,) * 3),) * 2  # of 10, 10, 10 and 30 rpm
+    assert Scene(20.0, (0.0, 40.0, 10.0, 20.0, 30.0, 50.0)).fast_rpm == 40.0
+    assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts[0] == pytest.approx((1 / 60,) * 3)
 
 
 def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_median_of_the_commanded_speeds() -> None:

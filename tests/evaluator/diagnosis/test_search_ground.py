@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any, cast
@@ -51,6 +52,8 @@ def search_of(
         for effect in more[:most]:
             fitted(search, ids | {effect})
 
+    acts = search_ground._acts_on_drive
+    monkeypatch.setattr(search_ground, "_acts_on_drive", lambda effect: effect not in NAMES and acts(effect))
     monkeypatch.setattr(search_ground, "carries_over", lambda *_: True)
     monkeypatch.setattr(search_ground, "fit_set", fitted)
     monkeypatch.setattr(search_ground, "extend", extended)
@@ -67,16 +70,46 @@ def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monk
     assert set(search.fits) - {frozenset(), frozenset({"proxy"}), frozenset({FORM})} == {frozenset({"lag", FORM})}
 
 
-def test_what_acts_on_the_drive_is_fitted_whatever_its_place_in_the_screening(monkeypatch: pytest.MonkeyPatch) -> None:
+DRIVE_FORM = "free:left_drive.right_command=right_drive.left_command"
+
+
+@pytest.fixture
+def of_drives(monkeypatch: pytest.MonkeyPatch) -> Search:
+    """A search without fits of effects of the drive and of others."""
     search, _ = search_of(monkeypatch)
-    mixed = "free:left_drive.right_command=right_drive.left_command"
-    search.terms = dict.fromkeys(
-        ("command-lag", "speed-limit", "scrub-torque", mixed, "free:moment.one"), cast("Any", None)
+    names = ("command-lag", "speed-limit", "dead-band", "scrub-torque", DRIVE_FORM, "free:moment.one")
+    search.terms = dict.fromkeys(names, cast("Any", None))
+    return search
+
+
+def test_what_acts_on_the_drive_is_fitted_whatever_its_place_in_the_screening(of_drives: Search) -> None:
+    of_drives.fits[frozenset({"command-lag"})] = lag = fit_of(frozenset({"command-lag"}))
+    search_ground.try_drives(of_drives, 95, 0)
+    drives = ("command-lag", "speed-limit", "dead-band", DRIVE_FORM)
+    assert set(of_drives.fits) == {frozenset(), *(frozenset({effect}) for effect in drives)}
+    assert of_drives.fits[frozenset({"command-lag"})] is lag
+
+
+def test_named_effects_of_the_drive_are_combined_and_their_best_pair_grows_beside_a_better_set(
+    of_drives: Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drag resembles limited wheels, and only a third effect shows which of them is right."""
+    better, pair, other = (
+        {"scrub-torque", "command-lag"},
+        {"speed-limit", "command-lag"},
+        {"dead-band", "command-lag"},
     )
-    search.fits[frozenset({"command-lag"})] = lag = fit_of(frozenset({"command-lag"}))
-    search_ground.try_drives(search)
-    assert set(search.fits) == {frozenset(), *(frozenset({effect}) for effect in ("command-lag", "speed-limit", mixed))}
-    assert search.fits[frozenset({"command-lag"})] is lag
+    values = {("command-lag",): 50.0, ("scrub-torque",): 60.0}
+    values |= {tuple(sorted(ids)): value for ids, value in ((better, 90.0), (pair, 80.0), (other, 70.0))}
+    monkeypatch.setattr(sys.modules[__name__], "EVIDENCE", {frozenset(ids): value for ids, value in values.items()})
+    for ids in ({"command-lag"}, {"scrub-torque"}, better):
+        of_drives.fits[frozenset(ids)] = fit_of(frozenset(ids))
+    search_ground.try_drives(of_drives, 95, 1)
+    assert {ids for ids in of_drives.fits if len(ids) == 2} == {frozenset(ids) for ids in (better, pair, other)}
+    grow(of_drives, 95, size=2, count=1, additions=9)
+    grown = {ids for ids in of_drives.fits if len(ids) == 3}
+    assert all(ids > better or ids > pair for ids in grown)
+    assert frozenset(pair | {"free:moment.one"}) in grown
 
 
 @pytest.mark.parametrize(
