@@ -2,8 +2,8 @@
 
 Nothing is imported or collected anew, so that a mutant costs as much as the tests that notice it: for the front ends,
 whose tests take milliseconds, a tenth of what a run of `python -m tests.benchmarks.mutation` takes. Of what a module
-computes while it is imported, only names that other modules have taken over directly get their new values. A module
-whose unchanged text does not pass when it is executed again is not tried: whatever is noticed there would say nothing.
+computes while it is imported, only names that other modules have taken over directly get their new values. A test that
+fails when the unchanged text of a module is executed again says nothing of its changes, and does not take part.
 
     python -m tests.benchmarks.mutation.quick evaluator/cli --tests tests/evaluator/cli --sample 30 --seed 1
 """
@@ -12,15 +12,18 @@ from __future__ import annotations
 
 import argparse
 import ast
+import gc
 import importlib
 import math
 import os
 import random
 import resource
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -32,9 +35,10 @@ from tests.benchmarks.mutation.runs import imported
 class Trial:
     """A plugin of pytest that runs all tests once, and then those that reach a mutant, for each mutant in a fork."""
 
-    def __init__(self, chosen: Sequence[Mutant], reach: Reach) -> None:
+    def __init__(self, chosen: Sequence[Mutant], reach: Reach, longest_s: float) -> None:
         """chosen: mutants to try; reach: a plugin of the same session, which notes what each test calls."""
-        self.chosen, self.reach, self.failed, self.tried, self.survived = chosen, reach, False, 0, 0
+        self.chosen, self.reach, self.longest_s = chosen, reach, longest_s
+        self.failed, self.tried, self.survived = False, 0, 0
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note that a test has failed."""
@@ -46,26 +50,33 @@ class Trial:
             print("the tests do not pass on the unchanged code")
             return True
         session.config.pluginmanager.unregister(self.reach)
+        for test in [test for test, time_s in self.reach.time_s.items() if time_s > self.longest_s]:
+            print(f"left out: {test}, {self.reach.time_s[test]:.1f} s")
+            self.reach.called.pop(test, None)
         code = units(ROOT)
+        for other in _ours():  # read here, once, and not in every fork
+            _imported(Path(str(other.__file__)))
+        gc.freeze()
         reached = [tests_of(mutant.path, mutant.line, code, self.reach.called) for mutant in self.chosen]
         items = [sorted((item for item in session.items if item.nodeid in ids), key=self._cost) for ids in reached]
-        unfit: dict[Path, bool] = {}
+        fit: dict[Path, set[str]] = {}
         for number, (mutant, tests) in enumerate(zip(self.chosen, items, strict=True), 1):
-            if mutant.path not in unfit:
-                together = {
-                    id(item): item
+            if mutant.path not in fit:
+                of_module = [
+                    item
                     for other, some in zip(self.chosen, items, strict=True)
                     if other.path == mutant.path
                     for item in some
-                }
-                unfit[mutant.path] = self._notice(mutant.path, unchanged(mutant.path), list(together.values()))
-            if unfit[mutant.path]:
-                outcome = "not tried: the unchanged module, executed again, does not pass either"
+                ]
+                fit[mutant.path] = self._passing(mutant.path, sorted(dict.fromkeys(of_module), key=self._cost))
+            able = [item for item in tests if item.nodeid in fit[mutant.path]]
+            if tests and not able:
+                outcome = "not tried: no test passes on the unchanged module, executed again"
             else:
-                noticed = bool(tests) and self._notice(mutant.path, mutant.text(), tests)
+                noticed = bool(able) and self._notice(mutant.path, mutant.text(), able)
                 self.tried += 1
                 self.survived += not noticed
-                outcome = "noticed" if noticed else f"survived {len(tests)} tests"
+                outcome = "noticed" if noticed else f"survived {len(able)} tests"
             print(f"{number}/{len(self.chosen)}  {mutant.path}:{mutant.line}  {mutant.change}  {outcome}", flush=True)
         return True
 
@@ -80,22 +91,51 @@ class Trial:
                 return False
         return True
 
+    def _passing(self, path: Path, tests: Sequence[pytest.Item]) -> set[str]:
+        """Those of some tests that pass in a fork in which a module is executed again as it is."""
+        with tempfile.TemporaryFile("w+") as found:
+
+            def run() -> None:
+                change(path, unchanged(path))
+                for item, following in zip(tests, [*tests[1:], None], strict=True):
+                    self.failed = False
+                    item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+                    if not self.failed:
+                        print(item.nodeid, file=found, flush=True)
+
+            in_fork(run, 3 * self._usual_s(tests) + 20)
+            found.seek(0)
+            return set(found.read().splitlines())
+
     def _notice(self, path: Path, text: str, tests: Sequence[pytest.Item]) -> bool:
         """Whether a test fails in a fork in which a module has another text, or takes far longer than usual."""
-        usual_s = sum(self.reach.time_s[item.nodeid] for item in tests)
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(3 * usual_s + 20),) * 2)
-                nowhere = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(nowhere, 1)
-                os.dup2(nowhere, 2)
-                change(path, text)
-                status = int(not self._pass(tests))
-            finally:
-                os._exit(status)
-        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
+
+        def run() -> None:
+            change(path, text)
+            if not self._pass(tests):
+                raise AssertionError
+
+        return in_fork(run, 3 * self._usual_s(tests) + 20) != 0
+
+    def _usual_s(self, tests: Sequence[pytest.Item]) -> float:
+        return sum(self.reach.time_s[item.nodeid] for item in tests)
+
+
+def in_fork(run: Callable[[], None], limit_s: float) -> int:
+    """Exit status of a fork that runs a function without a word, in a limited processor time; 0 if it returns."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit_s),) * 2)
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.dup2(nowhere, 2)
+            run()
+            status = 0
+        finally:
+            os._exit(status)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def unchanged(path: Path) -> str:
@@ -108,11 +148,16 @@ def change(path: Path, text: str) -> None:
     module = importlib.import_module(".".join(path.with_suffix("").parts).removesuffix(".__init__"))
     before = dict(vars(module))
     exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
-    for other in [other for other in sys.modules.values() if str(getattr(other, "__file__", "")).startswith(_OURS)]:
+    for other in _ours():
         for name in _imported(Path(str(other.__file__))):
             owner, _, what = name.rpartition(".")
             if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
                 setattr(other, what, vars(module)[what])
+
+
+def _ours() -> list[ModuleType]:
+    """Our modules that are loaded."""
+    return [module for module in sys.modules.values() if str(getattr(module, "__file__", "")).startswith(_OURS)]
 
 
 _imported = cache(imported)
@@ -126,12 +171,15 @@ def main() -> int:
     parser.add_argument("--tests", nargs="+", required=True, help="tests to run, from the project's root")
     parser.add_argument("--sample", type=int, default=60, help="mutants to try (default 60)")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
+    parser.add_argument(
+        "--longest-s", type=float, default=10, help="leave out tests of more processor time (default 10)"
+    )
     parser.add_argument("--wanted", type=float, default=0.9, help="share to be noticed (default 0.9)")
     said = parser.parse_args()
     files = [file for path in said.paths for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
     everything = [mutant for file in files for mutant in mutants(file)]
     chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
-    trial = Trial(chosen, reach := Reach(ROOT))
+    trial = Trial(chosen, reach := Reach(ROOT), said.longest_s)
     pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
     share = 1 - trial.survived / max(trial.tried, 1)
     print(f"{trial.tried} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
