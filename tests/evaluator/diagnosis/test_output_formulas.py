@@ -194,7 +194,7 @@ def test_a_rival_has_its_odds_and_the_reason_against_it(
 @pytest.mark.parametrize(
     ("odds", "carries", "reason"),
     [
-        (2.0, False, "an effect in it predicts commands left out no better than chance"),
+        (0.5, False, "an effect in it predicts commands left out no better than chance"),
         (2.0, True, "it contains an effect that is not significant"),
         (-math.log(50.0), False, "makes the runs 50 times less probable"),
     ],

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from math import inf, nan
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,8 +15,13 @@ import pytest
 from evaluator.diagnosis.assessment.disagreeing_runs import RunDisagreement
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.output import diagnosis_json, effect_tables, effects_json
+from evaluator.diagnosis.output.own_effect import own_effects
+from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
+from simulator.effects.coordinates import Candidate
+from simulator.robot import load_robot
 
 
 def diagnosis(**more: Any) -> Any:
@@ -104,6 +111,24 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     assert diagnosis_json._together(SimpleNamespace(known_together=None)) is None  # type: ignore[arg-type]
 
 
+@pytest.mark.usefixtures("parts")
+@pytest.mark.parametrize("table", [None, pd.DataFrame()])
+def test_without_pieces_of_runs_none_disagrees(monkeypatch: pytest.MonkeyPatch, table: pd.DataFrame | None) -> None:
+    monkeypatch.setattr(diagnosis_json, "disagreement", lambda _: table)
+    monkeypatch.setattr(diagnosis_json, "_together", lambda _: None)
+    found: Any = diagnosis_json.record(
+        diagnosis(search="searched", negligible=frozenset(), known=(), constancy=(), outlying=())
+    )
+    assert (found["where"], found["disagrees"]) == (["where", 0], [])
+
+
+@pytest.mark.parametrize("absent", ["pieces", "pieces_after"])
+def test_pieces_of_one_model_alone_make_no_table(absent: str) -> None:
+    pieces = pd.DataFrame({"run": ["r1"], **dict.fromkeys(diagnosis_json.QUANTITIES, 1.0)})
+    found = diagnosis(**{"pieces": pieces, "pieces_after": pieces, absent: None})
+    assert diagnosis_json.disagreement(found) is None
+
+
 @pytest.mark.parametrize(("one_frame", "recur"), [(True, True), (False, True), (True, False), (False, False)])
 def test_effects_that_runs_cannot_show_are_those_of_the_plate_without_a_frame_and_by_run_without_repetitions(
     one_frame: bool, recur: bool
@@ -146,6 +171,8 @@ def test_an_unknown_effect_that_no_term_explains_is_the_disagreement_itself(monk
     assert effects_json.effects(unknown(verdict="effect")) == named
     assert effects_json.effects(unknown(pieces=None)) == named
     assert len(effects_json.effects(unknown(follows=True, chosen=frozenset({"b"})))) == 1
+    (shown,) = effects_json.effects(unknown(where=unknown().where * 2))
+    assert shown["name"].count("it drifts") == 1  # the first dependence alone names it
     assert effects_json.effects(unknown(negligible=frozenset({"a"}))) == []
 
 
@@ -194,3 +221,53 @@ def test_a_pattern_of_one_wheel_is_the_sum_of_patterns_that_a_robot_file_knows()
         np.testing.assert_array_equal(total, np.eye(4)[place])
     rear = sum(share * np.array(signs[pattern]) for pattern, share in effect_tables.PATTERN_SUMS["driven-left-right"])
     np.testing.assert_array_equal(rear, [0, 0, 1, -1])
+
+
+ONE, PAIR = "free:friction.one.front-left+stiffness.one.front-left", "free:friction.one.driven-left-right"
+COMMON = "free:friction.abs_u"
+
+
+def test_tables_of_fitted_effects_are_what_the_fitted_model_has() -> None:
+    """An effect by its parameters; a free-form term of one wheel, or of the driven pair, as sums of known patterns."""
+    pull = Candidate("tether-pull", (), lambda values: {"x_mN": values[0], "y_mN": 0.0})
+    terms: dict[str, Candidate] = {"tether-pull": pull, ONE: free_terms()[ONE], PAIR: free_terms()[PAIR]}
+    fitted = {"tether-pull": (1.5,), ONE: (0.2, 0.4), PAIR: (-0.3,)}
+    text = "\n".join(effect_tables.effect_tables(terms, fitted))
+    assert text.count("\n\n[[effect]]") == text.count("[[effect]]") - 1  # a line between any two
+    robot = effect_tables.corrected_robot(
+        load_robot("barrel"),
+        terms,
+        Point(np.zeros((1, 7)), {"body.mass_g": 0.1, "camera, error 1": 0.5}, fitted),
+    )
+    assert robot.body.mass_g == pytest.approx(1.1 * load_robot("barrel").body.mass_g)
+    forms = [(entry.channel, entry.pattern, entry.coefficient) for entry in robot.effect if entry.id == "free-form"]
+    assert forms == [
+        ("friction", "left-right", -0.3),
+        ("friction", "driving-left-right", 0.3),
+        ("friction", "driving", 0.1),
+        ("friction", "driving-left-right", 0.1),
+        ("stiffness", "driving", 0.2),
+        ("stiffness", "driving-left-right", 0.2),
+    ]
+    assert [entry.id for entry in robot.effect].count("tether-pull") == 1
+
+
+def test_a_term_of_some_wheels_is_an_own_effect_whose_coefficient_names_them() -> None:
+    fit = SimpleNamespace(point=SimpleNamespace(terms={PAIR: (-0.3,), COMMON: (0.2,)}))
+    found: Any = SimpleNamespace(terms=free_terms(), fit=fit, follows=True, search=SimpleNamespace(evidence=len))
+    names = []
+    for form in (PAIR, COMMON):
+        found.chosen = frozenset({form})
+        (text,) = own_effects(found)
+        names.append(tomllib.loads(text)["term"][0]["coefficient"])
+    assert names == ["friction_by_one_driven_left_right", "friction_by_abs_u"]
+
+
+def test_a_nominal_value_of_all_wheels_moves_in_each_of_their_tables() -> None:
+    text = (Path(__file__).parents[2] / "driven_robot" / "six_wheels.toml").read_text(encoding="utf-8")
+    point = Point(np.zeros((1, 7)), {"wheel.radius_mm": 0.02, "body.mass_g": 1e-9})
+    found: Any = SimpleNamespace(terms={}, chosen=frozenset(), fit=SimpleNamespace(point=point))
+    before, after = tomllib.loads(text), tomllib.loads(robot_with_effect(found, text))
+    for old, new in zip(before.pop("wheel"), after.pop("wheel"), strict=True):
+        assert new == {**old, "radius_m": pytest.approx(1.02 * old["radius_m"])}
+    assert after == before

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from evaluator.diagnosis.output.robot_file import robot_text, with_value
+from evaluator.diagnosis.output.robot_file import number, robot_text, with_value, with_values_of_each
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,8 @@ def test_the_former_value_stays_in_the_comment() -> None:
     text = "[slip]\nlateral_friction = 0.25  # mu0_y\nshape = 1.0\n"
     changed = with_value(text, "slip", "lateral_friction", 0.24, "before")
     assert changed.splitlines()[1] == "lateral_friction = 0.24  # mu0_y; 0.25 before"
+    last = with_value("[slip]\nlateral_friction = 0.25", "slip", "lateral_friction", 0.24, "before")
+    assert last == "[slip]\nlateral_friction = 0.24  # 0.25 before"
 
 
 @pytest.mark.parametrize("text", ["[marks]\ndiameter_mm = 1.0\n", "[slip]\nshape = 1.0\n[[effect]]\nid = 'x'\n"])
@@ -44,3 +46,16 @@ def test_shipped_robots_have_a_text() -> None:
 def test_a_value_in_another_unit_stays_in_that_unit() -> None:
     changed = with_value("[body]\nmass_kg = 50.0\n", "body", "mass_g", 51000.0, "before")
     assert tomllib.loads(changed) == {"body": {"mass_kg": 51.0}}
+
+
+def test_a_value_of_every_table_changes_in_its_own_unit_and_other_tables_do_not() -> None:
+    text = "[[wheel]]\nradius_mm = 2.0\n[[wheel]]\nradius_m = 0.003 # rear\n[marks]\nradius_mm = 5.0\n"
+    assert with_values_of_each(text, "wheel", "radius_mm", 1.1, "before") == (
+        "[[wheel]]\nradius_mm = 2.2  # 2.0 before\n[[wheel]]\nradius_m = 0.0033 # rear; 0.003 before\n"
+        "[marks]\nradius_mm = 5.0\n"
+    )
+
+
+@pytest.mark.parametrize(("value", "text"), [(3, "3.0"), (1e-9, "1e-09"), (0.25, "0.25"), (float("nan"), "nan")])
+def test_a_number_is_written_as_a_float(value: float, text: str) -> None:
+    assert number(value) == text
