@@ -1,9 +1,10 @@
-"""Numbers in sentences."""
+"""Numbers and units in sentences."""
 
 from __future__ import annotations
 
 import math
 
+MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # units of length of other programs and of people
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

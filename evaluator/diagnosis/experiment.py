@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.store import load_camera
+from evaluator.diagnosis.assessment.sole_run import FEWEST_RUNS
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
@@ -36,7 +37,6 @@ FEWEST_FRAMES = 12  # 0.2 s at 60 frames/s: a turn of some degrees, against 0.1 
 # A 5 Hz lidar measures seven to eleven poses in two seconds. Three poses determine one mode of each coordinate and of
 # the heading (features.compression). The start pose takes one mode of each, so that two are needed.
 FEWEST_POSES = 6
-FEWEST_RUNS = 4  # three that agree show that one does not
 FEWEST_COMMANDS = 2  # at a single command, an effect cannot be distinguished from a gain of the wheel speeds
 ONE_PLACE = 1e-6  # of the distance of the marks: rounding in the file, far below the repeatability of any sensor
 

@@ -29,6 +29,7 @@ from evaluator.interchange.tracker_files import (
     read_project,
     read_tracker_text,
 )
+from evaluator.wording import MM_PER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Program = Literal["turnscope", "plain", "tracker", "project", "deeplabcut", "sleap", "movement"]
-
-MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 
 
 class Tracks(BaseModel):

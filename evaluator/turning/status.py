@@ -8,13 +8,12 @@ from evaluator.pose import Poses
 from evaluator.turning.motion.fit import TurnFit
 from evaluator.turning.phases import STEADY_SHARE
 from evaluator.turning.sustained import Sustained
-from evaluator.wording import with_bounds
+from evaluator.wording import MM_PER, with_bounds
 
 OK = "ok"
 # Positions of marks err by some hundredths of a millimetre, at most a few percent of their distance. Lengths that are
 # off by more than a fifth are in another unit, or of another gauge or robot.
 SPACING_SHARE = 0.2
-UNITS_MM = {"m": 1000.0, "cm": 10.0, "inches": 25.4}
 PX_FAR = 50.0  # coordinates in px extend beyond this, and are not negative
 # A radius is stated if its 95 % bounds are within a factor of three: the curvature is then four standard uncertainties
 # from zero, so that a straight run counts as a turn once in 16,000, not once in 20.
@@ -30,9 +29,9 @@ def spacing_fault(poses: Poses) -> str:
         return ""
     nominal = poses.geometry.spacing_mm
     found = f"the marks are {ratio * nominal:.4g} apart where robot.toml says {nominal:.4g} mm"
-    for unit, size_mm in UNITS_MM.items():
+    for unit, size_mm in MM_PER.items():
         if abs(np.log(ratio * size_mm)) < np.log1p(SPACING_SHARE):
-            return f"wrong unit: {found}; lengths look like {unit}, not mm"
+            return f"wrong unit: {found}; lengths look like {'inches' if unit == 'inch' else unit}, not mm"
     x, y = poses.x_mm[poses.measured], poses.y_mm[poses.measured]
     if ratio > 1 and min(x.min(), y.min()) >= 0 and max(x.max(), y.max()) > PX_FAR:
         return f"wrong unit: {found}; lengths look like px, not mm"

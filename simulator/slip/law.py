@@ -84,19 +84,8 @@ def wheel_slopes(
     slide_w = -scale * (1.0 if rolls else u / surface_speed)
     slide_u = scale - slide * u * (per_speed * per_speed if rolls else -lateral * lateral / (forward * forward))
     slide_v = -slide * lateral * per_speed
-    sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
-    per_sigma = 1.0 / sigma
-    gain_u = (lateral * side_u + slide * slide_u) * per_sigma
-    gain_v = (lateral * side_v + slide * slide_v) * per_sigma
-    gain_w = slide * slide_w * per_sigma
-    pull, pull_by = _secant(sigma, per_sigma, grip_x, steep_x, shape_x, decrease)
-    push, push_by = _secant(sigma, per_sigma, grip_y, steep_y, shape_y, decrease)
-    return (
-        *(-slide * pull, -lateral * push),
-        *(-slide_u * pull - slide * pull_by * gain_u, -slide_v * pull - slide * pull_by * gain_v),
-        *(-side_u * push - lateral * push_by * gain_u, -side_v * push - lateral * push_by * gain_v),
-        *(-slide_w * pull - slide * pull_by * gain_w, -lateral * push_by * gain_w),
-    )
+    slips = slide, lateral, slide_u, slide_v, slide_w, side_u, side_v, 0.0
+    return _forces(*slips, grip_x, grip_y, steep_x, steep_y, shape_x, shape_y, decrease)
 
 
 @compiled(fastmath=VECTORS)
@@ -132,6 +121,32 @@ def sliding_slopes(
     by_w = 0.0 if rolls else (per_speed if surface_speed > 0.0 else -per_speed)
     slide_u, slide_v, slide_w = scale - slide * by_u, -slide * by_v, -scale - slide * by_w
     side_u, side_v, side_w = -lateral * by_u, per_speed - lateral * by_v, -lateral * by_w
+    slips = slide, lateral, slide_u, slide_v, slide_w, side_u, side_v, side_w
+    return _forces(*slips, grip_x, grip_y, steep_x, steep_y, shape_x, shape_y, decrease)
+
+
+@compiled(forceinline=True, fastmath=VECTORS)
+def _forces(
+    slide: float,
+    lateral: float,
+    slide_u: float,
+    slide_v: float,
+    slide_w: float,
+    side_u: float,
+    side_v: float,
+    side_w: float,
+    grip_x: float,
+    grip_y: float,
+    steep_x: float,
+    steep_y: float,
+    shape_x: float,
+    shape_y: float,
+    decrease: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Both forces against the slips slide (along, times K_x/K_y) and lateral, and their derivatives by u, v and w.
+
+    slide_u, …, side_w: derivatives of the two slips. Order of wheel_slopes.
+    """
     sigma = math.sqrt(lateral * lateral + slide * slide + LEAST_SQUARE)
     per_sigma = 1.0 / sigma
     gain_u = (lateral * side_u + slide * slide_u) * per_sigma
