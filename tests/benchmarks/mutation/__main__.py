@@ -81,7 +81,7 @@ def _arguments() -> argparse.Namespace:
 
 def _tried(mutant: Mutant, folder: Path, reach: Reach, code: list[Unit], limit_s: float) -> str:
     """Outcome of one mutant; what takes three times the processor time of the unchanged tests is noticed."""
-    chosen = tests_of(mutant.path, mutant.line, code, reach.called)
+    chosen = tests_of(mutant.path, mutant.line, code, reach.called, in_process=False)
     if not chosen:
         return "survived: no test reaches it"
     usual_s = sum(reach.time_s[test] for test in chosen)

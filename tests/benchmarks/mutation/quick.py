@@ -57,7 +57,8 @@ class Trial:
         for other in _ours():  # read here, once, and not in every fork
             _imported(Path(str(other.__file__)))
         gc.freeze()
-        reached = [tests_of(mutant.path, mutant.line, code, self.reach.called) for mutant in self.chosen]
+        called = self.reach.called
+        reached = [tests_of(mutant.path, mutant.line, code, called, in_process=True) for mutant in self.chosen]
         items = [sorted((item for item in session.items if item.nodeid in ids), key=self._cost) for ids in reached]
         fit: dict[Path, set[str]] = {}
         for number, (mutant, tests) in enumerate(zip(self.chosen, items, strict=True), 1):

@@ -94,7 +94,10 @@ class Chosen:
 
 @dataclass(frozen=True, eq=False)
 class Unit:
-    """A function, a method, or a statement outside of functions: first and last line, names it gives and mentions."""
+    """A function, a method, or a statement outside of functions: first and last line, names it gives and mentions.
+
+    plain: a function that nothing compiles or wraps, so that each of its calls is seen.
+    """
 
     path: str
     first: int
@@ -102,6 +105,7 @@ class Unit:
     gives: frozenset[str]
     mentions: frozenset[str]
     function: bool
+    plain: bool
 
 
 def units(root: Path) -> list[Unit]:
@@ -134,14 +138,19 @@ def _units_of(file: Path, path: str) -> Iterator[Unit]:
                 frozenset(named) | (frozenset() if function else owner),
                 frozenset(read),
                 function,
+                function and first == node.lineno,
             )
 
     yield from within(ast.parse(file.read_text(encoding="utf-8")).body, frozenset())
 
 
-def tests_of(path: Path, line: int, everything: list[Unit], called: dict[str, set[Place]]) -> frozenset[str]:
-    """Tests that reach a line of a file: that call its function or, of what is no function or is compiled, any
-    function that mentions it, directly or by way of others.
+def tests_of(
+    path: Path, line: int, everything: list[Unit], called: dict[str, set[Place]], *, in_process: bool
+) -> frozenset[str]:
+    """Tests that reach a line of a file: that call its function or, of what is no function, or is compiled or called by
+    other processes, any function that mentions it, directly or by way of others.
+
+    in_process: nothing is changed in other processes, so that a plain function without a call is reached by none.
     """
     callers: dict[Place, set[str]] = {}
     for test, places in called.items():
@@ -158,7 +167,7 @@ def tests_of(path: Path, line: int, everything: list[Unit], called: dict[str, se
         unit = wait.pop()
         tests = callers.get((unit.path, unit.first), set()) if unit.function else set()
         found |= tests
-        if not tests:
+        if not tests and not (in_process and unit.plain):
             more = {user for name in unit.gives for user in users.get(name, ())} - seen
             seen |= more
             wait += more
