@@ -133,6 +133,7 @@ def test_poses_show_no_marks(tmp_path: Path) -> None:
     marks.to_csv(outputs.marks("a"), index=False)
     assert run.mark_names == ("green", "yellow")
     assert replace(run, from_poses=True).mark_names == ()
+    assert (run.id, replace(run, turning={**run.turning, "phase": 2.0}).id) == ("a", "a (2)")
 
 
 def test_repetitions_lie_about_the_mean_of_their_command_in_percent(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -227,6 +227,7 @@ def test_a_color_is_that_of_the_name_of_the_mark() -> None:
     assert max(red, blue) < 200
     red, green, blue = color_of("blue")
     assert blue == 255
+    assert max(red, green) < 200
     assert overlay._short(Fraction(1, 1_000_000)) == Fraction(1, 1_000_000)
     assert overlay._short(Fraction(1, 1_000_001)) == Fraction(1, 90_000)
 

@@ -1,0 +1,103 @@
+"""Which sentences a verdict has in a terminal and on the page, which rival is told, how several things are listed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from evaluator.report.diagnosis.sections import diagnosis_sections
+from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.words import RUN_KEYS, next_runs, rivals_sentence, separations_sentence, words_of
+from evaluator.report.verdict import WITHOUT_EFFECTS, verdict_lines
+
+SIZE = {"value": 1.8, "low": 1.7, "high": 1.9}
+TILT = {"id": "plate-tilt", "name": "the plate is not level", "probability": 0.998, "parameters": {"angle_deg": SIZE}}
+WHERE = [{"sentence": f"it turns at {number}"} for number in range(6)]
+FOUND: dict[str, Any] = {"verdict": "effect", "reason": "so", "effects": [TILT], "where": WHERE}
+
+
+def test_an_effect_has_its_probability_and_what_disagrees_without_it() -> None:
+    lines = verdict_lines(FOUND)
+    assert "plate-tilt, probability 0.998:" in lines
+    assert lines[lines.index(WITHOUT_EFFECTS) + 1 :][:4] == [f"It turns at {number}." for number in range(4)]
+    assert "It turns at 4." not in lines
+    free = {"id": "free-form", "name": "a moment", "probability": 0.6, "parameters": {}, "fitted": True}
+    lines = verdict_lines({**FOUND, "verdict": "unknown", "effects": [free]})
+    assert "free-form:" in lines  # a term without a name has no probability as an effect
+    unfitted = verdict_lines({**FOUND, "verdict": "unknown", "effects": [{**free, "fitted": False}]})
+    assert WITHOUT_EFFECTS not in unfitted
+    assert "It turns at 0." in unfitted
+    assert WITHOUT_EFFECTS not in verdict_lines({**FOUND, "verdict": "none", "effects": []})
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, True),
+        ({"log_odds": math.log(20.0) - 0.01}, False),
+        ({"log_odds": None}, False),
+        ({"effects": []}, False),
+        ({"effects": ["plate-tilt", "free:moment.one"]}, False),
+        ({"strains": ["wheelbase_mm"]}, False),
+    ],
+)
+@pytest.mark.parametrize("verdict", ["none", "effect", "unknown"])
+def test_a_rival_is_told_that_is_twenty_times_as_probable_and_has_a_name_and_strains_nothing(
+    verdict: str, more: dict[str, Any], *, said: bool
+) -> None:
+    rival = {"effects": ["dead-band", "plate-tilt"], "log_odds": math.log(20.0) + 0.01, "strains": [], **more}
+    found = rivals_sentence({"verdict": verdict, "rivals": ["damaged", rival]})
+    assert bool(found) == (said and verdict != "unknown")
+    if found:
+        assert found == "Possible, but below the required odds: dead-band with plate-tilt (odds of 20 to 1)."
+
+
+def test_a_rival_that_does_not_carry_over_is_told_so() -> None:
+    rival = {"effects": ["dead-band"], "log_odds": 9.0, "carries_over": False}
+    said = rivals_sentence({"verdict": "none", "rivals": [rival]})
+    assert said.startswith("More probable in these runs, but predicts commands left out no better than chance")
+    rival["carries_over"] = True
+    assert "(odds of 8103 to 1)" in rivals_sentence({"verdict": "none", "rivals": [rival]})
+    rival["log_odds"] = 50.0  # beyond e²⁰ the number says nothing more
+    assert "(odds of 485165195 to 1)" in rivals_sentence({"verdict": "none", "rivals": [rival]})
+
+
+def test_further_runs_without_all_their_values_are_left_out() -> None:
+    run = dict.fromkeys(RUN_KEYS, 1)
+    damaged = {key: value for key, value in run.items() if key != "times"}
+    assert next_runs({"next_experiment": {"runs": [run, damaged, "damaged"]}}) == [run]
+    assert next_runs({"next_experiment": {"runs": None}}) == []
+    assert next_runs({"next_experiment": "damaged"}) == []
+
+
+def test_of_three_things_the_first_two_have_a_comma_and_the_last_an_and() -> None:
+    names = ("dead-band", "plate-tilt", "tether-pull")
+    sigmas = dict(zip(names, (1.04, 2.06, 3.0), strict=True))
+    following = {"separation_sigmas": {**sigmas, "unknown": None}, "inseparable_sigmas": {"dead-band": 0.5}}
+    assert separations_sentence({"next_experiment": following}) == (
+        "Expected separation with these further runs: 1.0 sigmas from dead-band, 2.1 sigmas from plate-tilt and "
+        "3.0 sigmas from tether-pull. Even many further runs at these speeds on this plate would not distinguish it "
+        "from dead-band (0.5 sigmas): inspect the robot, the plate and the wires, or drive faster."
+    )
+    assert words_of("dead-band + plate-tilt") == "dead-band with plate-tilt"
+
+
+def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_be_distinguished() -> None:
+    rival = {"effects": ["dead-band"], "log_odds": 9.0, "probability": 0.4}
+    content = {
+        **FOUND,
+        "effects": [{**TILT, "equivalent": ["tether-pull"]}],
+        "rivals": [rival],
+        "next_experiment": {"separation_sigmas": {"tether-pull": 4.2}},
+    }
+    (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=False))
+    text = " ".join(verdict.text)
+    for said in ("Missing in the model: the plate is not level", "So.", "cannot distinguish it from", "4.2 sigmas"):
+        assert said in text
+    assert "below the required odds: dead-band" in text
+    assert "after this diagnosis" not in text
+    (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=True))
+    assert "changed after this diagnosis" in verdict.text[0]
+    assert diagnosis_sections(None) == ()
