@@ -194,18 +194,27 @@ def decide(
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):
             return ids, "unknown", "a free-form term predicts held-out commands better than any effect of the catalogue"
-    if search.problem.open_ground and not named:
-        better = next((ids for ids in table.sets if ids and has_the_odds(search, table, families, ids)), None)
-        if better is not None:
-            forms = len(better) - len(named_of(better))
-            what = " and ".join([*sorted(named_of(better)), *([counted(forms, "free-form term")] if forms else [])])
-            reason = f"a model with {what} fits better, but predicts held-out commands no better than chance"
-            return named, "insufficient", f"{reason}: runs of more commands are needed"
+    better = _better_fit(search, table, families, named) if search.problem.open_ground else ""
+    if better and not named:
+        return named, "insufficient", f"{better}: runs of more commands are needed"
     if named:
         which = "the effect is significant" if len(named) == 1 else "each effect is significant by itself"
-        but = "though a free-form term explains the runs as well" if share > ALIKE_WELL else ""
-        return named, "effect", f"{which}, {but or 'and no free-form term explains more'}"
+        alike = ", though a free-form term explains the runs as well" if share > ALIKE_WELL else ""
+        more = f"; {better}" if better else alike or ", and no free-form term explains more"
+        return named, "effect", f"{which}{more}"
     return named, "none", "the model explains the data within noise and tolerances"
+
+
+def _better_fit(search: Search, table: Standing, families: int, named: Set) -> str:
+    """A clause about the most probable set that is significant but not confirmed by left-out commands; or empty."""
+    gained = (ids for ids in table.sets if table.of(ids) - table.of(named) > (least_gain(ids) if named else 0.0))
+    better = next((ids for ids in gained if ids != named and has_the_odds(search, table, families, ids)), None)
+    if not better:
+        return ""
+    effects = sorted(effect for effect in better if not is_free(effect))
+    forms = len(better) - len(effects)
+    what = " and ".join([*effects, *([counted(forms, "free-form term")] if forms else [])])
+    return f"a model with {what} fits better, but predicts held-out commands no better than chance"
 
 
 def _predicts(search: Search, ids: Set, other: Set) -> bool:

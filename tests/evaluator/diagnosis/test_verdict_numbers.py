@@ -162,6 +162,20 @@ def test_on_open_ground_an_effect_that_does_not_carry_over_is_none_whatever_its_
     assert "a model with a and b fits better" in found[2]
 
 
+@pytest.mark.parametrize(("more", "told"), [(8.1, True), (7.9, False)])
+def test_on_open_ground_effects_beside_which_a_form_fits_better_without_predicting_better_say_so(
+    more: float, *, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, table = ranked({FREE | A: 100.0 + more, A: 100.0, FREE: 1.0, NONE: 0.0}, on_ground=True)
+    predicting(monkeypatch, lambda ids, other: ids - other != FREE)
+    monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
+    with_sigma(monkeypatch, 0.1)
+    found = decide(search, table, 95, A, 5.0)
+    assert found[:2] == (A, "effect")
+    assert ("a model with a and 1 free-form term fits better" in found[2]) == told
+    assert ("no free-form term explains more" in found[2]) == (not told)
+
+
 @pytest.mark.parametrize(
     ("effect", "key", "without", "with_it", "carries"),
     [
