@@ -1,9 +1,9 @@
 """Comparison of each run with simulations of its stated command and of the hypotheses of mistakes.
 
 The start pose is unknown, so that only the shape of the path in time is compared: RMS distance of both marks after the
-best rotation and shift. A mistake is accepted if the run fits it several times better than the file, and the misfit of
-the file is large compared with the path and with the misfit of runs with the same ratio of wheel speeds. Physical
-effects cause neither.
+best rotation and shift. A mistake is accepted if the run fits it several times better than the file, also with values
+within their tolerances, and the misfit of the file is large compared with the path and with the misfit of runs with the
+same ratio of wheel speeds. Physical effects cause neither.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
 from evaluator.diagnosis.mistakes.misread.alternatives import (
     Alternative,
     alternatives,
@@ -85,14 +87,24 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
         found = [item for item in found if item.kind != "wrong-rate"]
     alike = _late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
-    return _without_regimes(_beyond_the_others(found, judgements), judgements)
+    found = _without_regimes(_beyond_the_others(found, judgements), judgements)
+    place = {run.id: k for k, run in enumerate(data)}
+    return [item for item in found if _is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])]
+
+
+def _is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
+    """Whether a mistake fits its run several times better than the file also with values within their tolerances."""
+    if is_full_size(robot):  # nobody knows the ground to a tolerance
+        return True
+    others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
+    stated, mistaken = (misfit_within_tolerances(item.ways[k].run, robot) for k in (0, int(np.nanargmin(others))))
+    return stated >= BETTER * mistaken
 
 
 def _one_rate_fits(judgements: Sequence[Judgement]) -> bool:
     """Whether one frame rate fits most runs several times better than their file, as if all share a wrong clock.
 
-    Physics changes the speed of each command by another factor: with a blocked wheel, turns of a robot on tires were
-    slower by 17 to 50 %, and its straight run hardly.
+    Physics changes each command by another factor: a blocked wheel slowed turns by 17 to 50 %, straight runs hardly.
     """
     better: dict[str, int] = {}  # runs by the words of a rate
     for item in judgements:

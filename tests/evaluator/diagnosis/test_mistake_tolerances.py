@@ -1,0 +1,53 @@
+"""A run that its own command explains within the tolerances of the robot has no other command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.misread.hypotheses import BETTER, _is_beyond_tolerances, _judgements
+from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.settings import KnownTo
+from simulator.robot import load_robot
+from tests.evaluator.diagnosis.marks_of_motion import recorded
+
+TIRES = load_robot("tire")
+STATED, OTHER = (60.0, 18.0), (30.0, 9.0)
+
+
+def run_of(center_of_gravity_y_mm: float, command: tuple[float, float] = STATED) -> RunData:
+    """Four seconds on tires with a centre of gravity aside, stated as STATED; 0.1 mm is its tolerance."""
+    blank = recorded(np.zeros((81, 4)))
+    run = replace(blank, time_s=np.linspace(0.0, 4.0, 81), start_s=0.0, left_rpm=command[0], right_rpm=command[1])
+    (item,) = (item for item in quantities(KnownTo(), TIRES, [run]) if item.key == "center_of_gravity_y_mm")
+    task = Task(0, (0.0,) * PER_RUN, {item.key: center_of_gravity_y_mm / item.per_unit})
+    (marks,) = Simulated([TIRES], [run], {}, predicted_sigmas([item])).marks([task])
+    return replace(run, marks_mm=marks, left_rpm=STATED[0], right_rpm=STATED[1])
+
+
+def is_other_command(run: RunData) -> tuple[bool, bool]:
+    """Whether half the command fits a run three times better than its file, as it is and within tolerances."""
+    ways = [Alternative(None, run), Alternative("wrong-command", replace(run, left_rpm=OTHER[0], right_rpm=OTHER[1]))]
+    (item,) = _judgements([ways], [TIRES])
+    better = BETTER * item.misfits_mm[1] <= item.misfits_mm[0]
+    return bool(better), _is_beyond_tolerances(Found(run.id, "wrong-command", "", ""), item, TIRES)
+
+
+def test_a_turn_that_hangs_on_the_centre_of_gravity_is_no_other_command() -> None:
+    assert is_other_command(run_of(-0.15)) == (True, False)
+    assert is_other_command(run_of(0.0, OTHER)) == (True, True)
+
+
+def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -> None:
+    run = run_of(-0.08)
+    assert (
+        misfit_within_tolerances(run, TIRES) < 0.01 * _judgements([[Alternative(None, run)]], [TIRES])[0].misfits_mm[0]
+    )
+    exchanged = replace(run, left_rpm=STATED[1], right_rpm=STATED[0])
+    assert misfit_within_tolerances(exchanged, TIRES) > 0.3
