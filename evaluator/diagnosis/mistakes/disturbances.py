@@ -20,7 +20,7 @@ from evaluator.diagnosis.mistakes.motion import (
     onset,
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
-from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
+from evaluator.diagnosis.mistakes.spacing import by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import reference_line
 from evaluator.robust import robust_sigma
@@ -59,14 +59,16 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     stated_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
-    usual = float(np.median(ratios))
-    common = usual if abs(np.log(usual)) < np.log1p(SPACING_SHARE) else 1.0
+    common, straight = _common(ratios), float("nan")
     found = []
     for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
         if abs(ratio / common - 1) < ALONE_SHARE:
             continue
+        if not np.isfinite(straight):  # of all runs without the keystone that they show
+            keystone = keystone_of(spacings)
+            straight = _common([float(np.median(item.without(keystone).ratio)) for item in spacings])
         others = [item for k, item in enumerate(spacings) if k != number]
-        if abs((ratio - by_keystone(spacings[number], others)) / common - 1) < KEYSTONE_SHARE:
+        if abs((ratio - by_keystone(spacings[number], others)) / straight - 1) < KEYSTONE_SHARE:
             continue
         words = f"its marks are {ratio * stated:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
@@ -83,6 +85,12 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             remedy = "is it the file of this robot? Measure its marks"
             found.append(Found(run.id, "wrong-robot", words, remedy))
     return found
+
+
+def _common(ratios: Sequence[float]) -> float:
+    """The ratio that most runs have; 1 if it is no error of the places of marks."""
+    usual = float(np.nanmedian(ratios))
+    return usual if abs(np.log(usual)) < np.log1p(SPACING_SHARE) else 1.0
 
 
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

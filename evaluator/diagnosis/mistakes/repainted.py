@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognised import Found
-from evaluator.diagnosis.mistakes.spacing import spacing
+from evaluator.diagnosis.mistakes.spacing import PASSES, spacing
 from evaluator.robot_geometry import reference_line
 from simulator.robot import Robot
 
@@ -28,12 +28,17 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     spacings = [spacing(run.marks_mm, line) for run, line in zip(data, lines_mm, strict=True)]
     if len(data) < 2 * FEWEST_OF_GROUP or any(run.from_poses for run in data):
         return []
-    share = np.log([float(np.median(item.ratio)) for item in spacings])
-    larger = _split(share)
-    group = np.where(larger, 0.5, -0.5)
-    design = np.column_stack([np.ones(len(data)), group, [np.median(item.stretch_mm, axis=0) for item in spacings]])
-    keystone = np.linalg.lstsq(design, share, rcond=None)[0][2:]
-    share = share - design[:, 2:] @ keystone
+    keystone = np.zeros(2)
+    for _ in range(PASSES):  # keystone and both groups together, because groups may have been driven at other places
+        straight = [item.without(keystone) for item in spacings]
+        share = np.log([float(np.median(item.ratio)) for item in straight])
+        larger = _split(share)
+        group = np.where(larger, 0.5, -0.5)
+        design = np.column_stack([np.ones(len(data)), group, [np.median(item.stretch_mm, axis=0) for item in straight]])
+        if not np.isfinite(design).all() or not np.isfinite(share).all():
+            return []
+        step = np.linalg.lstsq(design, share, rcond=None)[0][2:]
+        keystone, share = keystone + step, share - design[:, 2:] @ step
     low, high = share[~larger], share[larger]
     between = float(high.min() - low.max())
     if between < max(CHANGED_SHARE, APART * float(np.ptp(low)), APART * float(np.ptp(high))):

@@ -19,7 +19,6 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
-from evaluator.diagnosis.mistakes.spacing import by_keystone, spacing
 from tests.evaluator.diagnosis.marks_of_motion import NOISE_MM, RATE, TIME, moving, onset_s, recorded
 
 
@@ -241,31 +240,6 @@ def test_pose_and_velocity_at_a_moment_are_those_of_the_arc_and_scatter_is_that_
     np.testing.assert_allclose(pose, [*((exact[:2] + exact[2:]) / 2), 0.4 + 0.2], atol=0.01)
     np.testing.assert_allclose(velocity, [2.0, 0.0, 0.8], atol=0.06)
     assert scatter == pytest.approx(5e-3 / np.sqrt(2), rel=0.4)  # the middle of two marks
-
-
-def test_spacing_is_the_distance_over_the_stated_one_and_a_keystone_stretches_by_the_place() -> None:
-    marks = moving(TIME)
-    item = spacing(marks, 3.2)
-    assert len(item.ratio) == 40
-    np.testing.assert_allclose(item.ratio, 4.0 / 3.2)
-    keystone = np.array([2e-4, -1e-4])
-    bent = marks.copy()
-    for mark in (slice(0, 2), slice(2, 4)):
-        bent[:, mark] *= 1 + (marks[:, mark] @ keystone)[:, None]
-    predicted = item.stretch_mm @ keystone
-    np.testing.assert_allclose(spacing(bent, 3.2).ratio / item.ratio - 1, predicted, atol=1e-5)
-    assert np.abs(predicted).max() > 5e-4
-
-
-def test_keystone_is_learned_from_four_other_runs_one_of_which_may_be_of_another_robot() -> None:
-    keystone = np.array([2e-3, -1e-3])
-    runs = [spacing(moving(TIME, 2.0, 0.4, heading=number) + number, 4.0) for number in range(6)]
-    seen = [replace(run, ratio=run.ratio + run.stretch_mm @ keystone) for run in runs]
-    seen[2] = replace(seen[2], ratio=1.4 * seen[2].ratio)
-    expected = float(np.median(runs[0].stretch_mm @ keystone))
-    assert abs(expected) > 2e-3
-    assert by_keystone(runs[0], seen[1:]) == pytest.approx(expected, rel=0.05)
-    assert by_keystone(runs[0], seen[1:4]) == 0.0
 
 
 @pytest.mark.parametrize(("phase", "between"), [(3.5, (0.2, 2.2)), (0.7, (0.97, 2.95))])
