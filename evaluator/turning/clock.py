@@ -3,7 +3,8 @@
 A robot has one steady velocity (forward, sideways, yaw) before a change of command and another one after it. Near every
 change this motion is fitted to the poses: the velocity changes either suddenly, or steadily within a rise time (a heavy
 robot that slides, a drive that limits acceleration) if that fits significantly better. The estimated delay is the time
-from the command to the beginning of the change; delay and rise time are common to all changes.
+from the command to the beginning of the change and is common to all changes. So is either the rise time (motors that
+lag) or the acceleration, whichever fits better.
 
 The delay includes the dead time of the motors, which a recording cannot distinguish from an offset of the clocks. A
 rise time that is too short to be detected delays the motion by half of it, as a sudden change that comes later does;
@@ -51,9 +52,9 @@ Windows = list[tuple[float, NDArray[np.bool_]]]  # times of changes in the log, 
 class CommandDelay:
     """Delay of the motion after the command, s, with its 95 % interval; NaN if no change can be used.
 
-    rise_s: time within which the velocity then changes; 0 if none is detected. hidden_rise_s: then the longest one that
-    recording (95 %) and friction allow. The delay includes half of a rise time that is not detected, and the interval
-    holds the delay with this half and without it.
+    rise_s: time within which the velocity then changes, the longest one; 0 if none is detected. hidden_rise_s: then the
+    longest one that recording (95 %) and friction allow. The delay includes half of a rise time that is not detected,
+    and the interval holds the delay with this half and without it.
     """
 
     value_s: float = NAN
@@ -100,8 +101,8 @@ def command_delay(
     fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
     if not fine:
         return CommandDelay()
-    longest_s = _change_mm_s(time_s, pose, changes_s, reach_mm) / LEAST_ACCELERATION
-    return _refined(time_s, pose, fine, coarse, step, longest_s)
+    changes = _changes_mm_s(time_s, pose, changes_s, [change for change, _ in fine], reach_mm)
+    return _refined(time_s, pose, fine, coarse, step, changes)
 
 
 def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:
@@ -109,16 +110,19 @@ def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:
     return _most(_windows(time_s, changes_s, float(np.median(np.diff(time_s))) * FEWEST_FRAMES)[1])
 
 
-def _change_mm_s(time_s: Array, pose: Array, changes_s: Sequence[float], reach_mm: float) -> float:
-    """Largest change of the velocity of a wheel between commands; infinite if the place of the wheels is not known."""
+def _changes_mm_s(
+    time_s: Array, pose: Array, changes_s: Sequence[float], asked_s: Sequence[float], reach_mm: float
+) -> Array:
+    """Change of the velocity of a wheel at every asked one of the changes; infinite without the places of wheels."""
     if not np.isfinite(reach_mm):
-        return reach_mm
+        return np.full(len(asked_s), np.inf)
     steps = np.diff(pose, axis=0) / np.diff(time_s)[:, None]
     ahead = (steps[:, 0] + 1j * steps[:, 1]) * np.exp(-1j * (pose[1:, 2] + pose[:-1, 2]) / 2)
     twists = np.column_stack([ahead.real, ahead.imag, reach_mm * steps[:, 2]])
     number = np.searchsorted(np.asarray(changes_s), time_s[1:])
-    usual = np.array([np.median(twists[number == each], axis=0) for each in np.unique(number)])
-    return float(np.abs(np.diff(usual, axis=0)).sum(axis=1).max(initial=0.0))
+    after = np.searchsorted(np.asarray(changes_s), asked_s) + 1
+    usual = [[np.median(twists[number == each], axis=0) for each in (item - 1, item)] for item in after]
+    return np.array([np.abs(later - former).sum() for former, later in usual])
 
 
 def _most(room: Array) -> float:
@@ -153,44 +157,48 @@ def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def _refined(
-    time_s: Array, pose: Array, windows: Windows, coarse: float, step: float, longest_s: float
+    time_s: Array, pose: Array, windows: Windows, coarse: float, step: float, changes_mm_s: Array
 ) -> CommandDelay:
     """The delay of smallest misfit near a coarse one, and its 95 % limits, by the growth of the misfit.
 
-    longest_s: of a rise time that is not detected.
+    changes_mm_s: (k,) of the velocity of a wheel in each window; infinite if they are not known.
     """
+    largest = float(changes_mm_s.max())
+    alike = np.ones(len(windows))
+    patterns = (alike, changes_mm_s / largest) if 0 < largest < np.inf else (alike,)
 
-    def misfit(late: float, rise: float = 0.0) -> float:
-        return _misfit(time_s, pose, windows, late, rise)[0]
+    def misfit(late: float, rise: float = 0.0, shares: Array = alike) -> float:
+        return _misfit(time_s, pose, windows, late, rise * shares)[0]
 
-    def ended(of: Callable[[float], float], best: float, least: float, rise: float = 0.0) -> CommandDelay:
-        limit = least * (1 + CHI2_95 / _independent(time_s, pose, windows, best, rise))
+    def ended(of: Callable[[float], float], best: float, least: float, rises: Array, rise: float = 0.0) -> CommandDelay:
+        limit = least * (1 + CHI2_95 / _independent(time_s, pose, windows, best, rises))
         low, high = (best + way * _reach(of, best, way, limit, step) for way in (-1, 1))
         return CommandDelay(best, low, high, rise)
 
     best, least = _least(misfit, coarse, 2 * step)
-    independent = _independent(time_s, pose, windows, best, 0.0)
+    independent = _independent(time_s, pose, windows, best, 0 * alike)
     if independent <= 0:
         return CommandDelay()
 
-    def begun(rise: float, to: float = ROUGH) -> tuple[float, float]:  # earlier than a sudden change, by half the rise
-        return _least(lambda late: misfit(late, rise), best - rise / 2, rise / 2, to)
+    def begun(rise: float, shares: Array, to: float = ROUGH) -> tuple[float, float]:  # earlier than a sudden change
+        return _least(lambda late: misfit(late, rise, shares), best - rise / 2, rise / 2, to)
 
-    tried = {rise: begun(rise) for rise in RISES_S.tolist()}
-    rise = min(tried, key=lambda each: tried[each][1])
-    late, risen = tried[rise]
-    if _independent(time_s, pose, windows, late, rise) * np.log(least / risen) < WORTH:
+    tried = [(*begun(rise, shares), rise, shares) for shares in patterns for rise in RISES_S.tolist()]
+    late, risen, rise, shares = min(tried, key=lambda each: each[1])
+    if _independent(time_s, pose, windows, late, rise * shares) * np.log(least / risen) < WORTH:
         limit = min(least, risen) * (1 + CHI2_95 / independent)
-        hidden = min(_longest(lambda size: begun(size, FINELY)[1] <= limit, [0.0, *RISES_S.tolist()]), longest_s)
-        found = ended(misfit, best, least)
-        return replace(found, low_s=min(found.low_s, begun(hidden, FINELY)[0]), hidden_rise_s=hidden)
+        longest = _longest(lambda size: begun(size, alike, FINELY)[1] <= limit, [0.0, *RISES_S.tolist()])
+        hidden = min(longest, largest / LEAST_ACCELERATION)
+        found = ended(misfit, best, least, 0 * alike)
+        return replace(found, low_s=min(found.low_s, begun(hidden, alike, FINELY)[0]), hidden_rise_s=hidden)
     width = float(np.log(RISES_S[1] / RISES_S[0]))
 
     def took(late: float) -> tuple[float, float]:  # best rise time for a delay: the two are correlated
-        return _least(lambda size: misfit(late, float(np.exp(size))), float(np.log(rise)), width, ROUGH)
+        return _least(lambda size: misfit(late, float(np.exp(size)), shares), float(np.log(rise)), width, ROUGH)
 
     best, least = _least(lambda late: took(late)[1], late, rise / 4, ROUGH)
-    return ended(lambda late: took(late)[1], best, least, float(np.exp(took(best)[0])))
+    rise_s = float(np.exp(took(best)[0]))
+    return ended(lambda late: took(late)[1], best, least, rise_s * shares, rise_s)
 
 
 def _longest(is_allowed: Callable[[float], bool], rises: Sequence[float]) -> float:
@@ -209,9 +217,9 @@ def _least(of: Callable[[float], float], middle: float, width: float, to: float 
     return float(found.x), float(found.fun)
 
 
-def _independent(time_s: Array, pose: Array, windows: Windows, late: float, rise: float) -> float:
+def _independent(time_s: Array, pose: Array, windows: Windows, late: float, rises: Array) -> float:
     """Degrees of freedom, reduced by the correlation of the noise between successive frames."""
-    _, freedom, correlation = _misfit(time_s, pose, windows, late, rise)
+    _, freedom, correlation = _misfit(time_s, pose, windows, late, rises)
     return freedom * (1 - correlation) / (1 + correlation)
 
 
@@ -226,17 +234,21 @@ def _reach(misfit: Callable[[float], float], best: float, way: int, limit: float
     return outer
 
 
-def _misfit(time_s: Array, pose: Array, windows: Windows, late: float, rise: float = 0.0) -> tuple[float, int, float]:
+def _misfit(
+    time_s: Array, pose: Array, windows: Windows, late: float, rises: Sequence[float] | Array = ()
+) -> tuple[float, int, float]:
     """Misfit over all changes, its degrees of freedom, and the correlation of residuals between successive frames.
+
+    rises: rise time of each change, s; without them the velocity changes suddenly.
 
     The noise of positions and headings is estimated from their residuals: the misfit is the product of their sums of
     squares, each to the power of its share of the degrees of freedom.
     """
     place, turn, counts = 0.0, 0.0, [0, 0]
     products, squares = 0.0, 0.0
-    for change, frames in windows:
+    for (change, frames), rise in zip(windows, rises if len(rises) else [0.0] * len(windows), strict=True):
         since = time_s[frames] - change - late
-        headings, places = left_over(since, pose[frames], rise)
+        headings, places = left_over(since, pose[frames], float(rise))
         turn, place = turn + float(headings @ headings), place + float((places**2).sum())
         counts[0], counts[1] = counts[0] + len(since) - 3, counts[1] + 2 * len(since) - 6
         products += float((places[1:] * places[:-1]).sum())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -73,17 +75,36 @@ def test_interval_holds_the_delay_with_and_without_half_of_a_rise_that_is_too_sh
     assert found.settled_s > 0.25
 
 
-def delay_of_rising(rise: float, late: float) -> CommandDelay:
-    """What is found of two changes of velocity that take a time."""
+def test_changes_of_different_size_at_one_acceleration_do_not_move_the_delay() -> None:
+    """With one rise time for both the delay came out 0.03 s too early, in an interval of 0.2 s."""
+    late, twists = 0.2, ((8.0, 0.0, 1.0), (4.0, 0.3, 0.0), (-8.0, 0.3, -1.0))
+    sizes = [sum(abs(b - a) for a, b in zip(*pair, strict=True)) for pair in pairwise(twists)]  # of a wheel 1 mm off
+    found = delay_of_rising(0.6, late, (sizes[0] / sizes[1], 1.0), twists, reach_mm=1.0)
+    assert found.low_s < late < found.high_s
+    assert found.high_s - found.low_s < 0.04
+    assert found.rise_s == pytest.approx(0.6, rel=0.1)
+
+
+def delay_of_rising(
+    rise: float,
+    late: float,
+    shares: tuple[float, float] = (1.0, 1.0),
+    driven_at: tuple[Twist, ...] = (STRAIGHT, TURN, BACK),
+    reach_mm: float = np.inf,
+) -> CommandDelay:
+    """What is found of two changes of velocity that take shares of a time."""
     changes = [2.5, 6.0]
     fine = np.arange(0, 9, FRAME_S / 20)
-    twists = np.array([STRAIGHT, TURN, BACK])
-    parts = [np.clip((fine - change - late) / rise, 0, 1)[:, None] for change in changes]
+    twists = np.array(driven_at)
+    parts = [
+        np.clip((fine - change - late) / (rise * share), 0, 1)[:, None]
+        for change, share in zip(changes, shares, strict=True)
+    ]
     twist = twists[0] + parts[0] * (twists[1] - twists[0]) + parts[1] * (twists[2] - twists[1])
     heading = np.cumsum(twist[:, 2]) * FRAME_S / 20
     way = np.cumsum((twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)) * FRAME_S / 20
     pose = np.column_stack([way.real, way.imag, heading])[::20]
-    return command_delay(fine[::20], noisy(pose, 1), changes)
+    return command_delay(fine[::20], noisy(pose, 1), changes, reach_mm)
 
 
 def test_constant_velocities_on_either_side_of_a_change_leave_nothing_of_their_arcs() -> None:
