@@ -25,7 +25,7 @@ from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.point import Point
-from evaluator.diagnosis.mistakes.misread.hypotheses import unsigned_speeds
+from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_runs import refit_without_held_out

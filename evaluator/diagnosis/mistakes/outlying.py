@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of, unsigned_speeds
+from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of
+from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from simulator.robot import Robot
 

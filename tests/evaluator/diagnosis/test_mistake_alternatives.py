@@ -11,7 +11,8 @@ from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.misread.alternatives import OFFSETS_S, alternatives, distinct_commands, thinned
-from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _misfit, misread_runs, unsigned_speeds
+from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _misfit, misread_runs
+from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.mistakes.misread import hypotheses
+from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.hypotheses import (
-    Judgement,
     _judged,
     _judged_runs,
     _least_shares,
     _usual_kinds,
     misread_runs,
 )
+from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds
@@ -73,7 +73,7 @@ def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
         for number, run in enumerate(data)
     ]
     monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
-    monkeypatch.setattr(hypotheses, "_is_beyond_tolerances", lambda *_: True)
+    monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
     assert kinds(misread_runs(data, [ROBOT] * 4)) == [(f"r{number}", "late-start") for number in range(told)]
 
 

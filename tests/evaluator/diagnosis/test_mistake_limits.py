@@ -11,10 +11,8 @@ from evaluator.diagnosis.mistakes import disturbances
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
-from evaluator.diagnosis.mistakes.misread.hypotheses import (
-    Judgement,
-    _without_regimes,
-)
+from evaluator.diagnosis.mistakes.misread.belief import without_regimes
+from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.motion import Onset
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
@@ -306,18 +304,18 @@ def test_commands_that_all_runs_of_a_speed_seem_to_have_mixed_up_are_physics() -
 
     speeds = [((5.0, 33.0),), ((5.0, 33.0),), ((14.0, 33.0),), ((14.0, 33.0),), ((36.0, 60.0),)]
     seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, pairs) for k, pairs in enumerate(speeds)]
-    assert _without_regimes(misread(0, 1, 2), seen) == misread(2)  # r3 turns as r2 should
-    assert _without_regimes(misread(4), seen) == misread(4)  # nothing to compare it with
+    assert without_regimes(misread(0, 1, 2), seen) == misread(2)  # r3 turns as r2 should
+    assert without_regimes(misread(4), seen) == misread(4)  # nothing to compare it with
     to_the_left = [replace(driven(k), left_rpm=side * 5.0, right_rpm=side * 33.0) for k, side in enumerate((1, -1))]
     to_the_right = [replace(driven(k), left_rpm=side * 33.0, right_rpm=side * 5.0) for k, side in enumerate((1, -1), 2)]
     turns = [
         Judgement([Alternative(None, run)], np.array([1.0]), 10.0, speeds[0]) for run in to_the_left + to_the_right
     ]
-    assert _without_regimes(misread(0, 1, 2), turns) == misread(2)  # the right wheel is driven fast in both
+    assert without_regimes(misread(0, 1, 2), turns) == misread(2)  # the right wheel is driven fast in both
     ratios = [((10.5, 70.0),), ((15.0, 100.0),), ((15.0, 100.0),), ((30.0, 30.0),), ((40.0, 40.0),)]
     seen = [Judgement([Alternative(None, driven(k))], np.array([1.0]), 10.0, pairs) for k, pairs in enumerate(ratios)]
-    assert _without_regimes(misread(0, 1, 2), seen) == []  # turns on the spot, of which none fits
-    assert _without_regimes(misread(0, 1), seen) == misread(0, 1)  # another one fits
-    assert _without_regimes(misread(3, 4), seen) == misread(3, 4)  # straight runs have no ratio of their own
+    assert without_regimes(misread(0, 1, 2), seen) == []  # turns on the spot, of which none fits
+    assert without_regimes(misread(0, 1), seen) == misread(0, 1)  # another one fits
+    assert without_regimes(misread(3, 4), seen) == misread(3, 4)  # straight runs have no ratio of their own
     swapped = Found("r0", "sides-swapped", "turns", "exchange")
-    assert _without_regimes([swapped, *misread(1)], seen) == [swapped, *misread(1)]
+    assert without_regimes([swapped, *misread(1)], seen) == [swapped, *misread(1)]

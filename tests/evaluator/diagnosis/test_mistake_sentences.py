@@ -12,9 +12,10 @@ import pytest
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes import outlying
 from evaluator.diagnosis.mistakes.copies import copies
-from evaluator.diagnosis.mistakes.misread import hypotheses
+from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
-from evaluator.diagnosis.mistakes.misread.hypotheses import Judgement, _judged, misread_runs, reading_of
+from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, misread_runs, reading_of
+from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
 from evaluator.interchange.commands import RunCommand
@@ -111,7 +112,7 @@ def test_another_rate_is_believed_where_one_rate_fits_most_runs(
         for number, (run, rate) in enumerate(zip(data, rates, strict=True))
     ]
     monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
-    monkeypatch.setattr(hypotheses, "_is_beyond_tolerances", lambda *_: True)
+    monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
     assert len(misread_runs(data, [ROBOT] * len(data))) == told
 
 
@@ -131,7 +132,7 @@ def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_te
         sizes = [9.0, 9.0, 1.0, 1.0, 1.0] + [0.05] * 6
         judgements = [judged(number, odd if number == 1 else 0.1, size) for number, size in enumerate(sizes)]
         monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_, found=judgements: found)
-        monkeypatch.setattr(hypotheses, "_is_beyond_tolerances", lambda *_: True)
+        monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
         assert [item.run for item in misread_runs(data, [ROBOT] * 11)] == told
 
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
+from evaluator.diagnosis.mistakes.misread import belief
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
-from evaluator.diagnosis.mistakes.misread.hypotheses import BETTER, _is_beyond_tolerances, _judgements
+from evaluator.diagnosis.mistakes.misread.belief import is_beyond_tolerances
+from evaluator.diagnosis.mistakes.misread.hypotheses import _judgements
+from evaluator.diagnosis.mistakes.misread.judgement import BETTER
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.settings import KnownTo
 from simulator.robot import load_robot
@@ -36,7 +43,7 @@ def is_other_command(run: RunData) -> tuple[bool, bool]:
     ways = [Alternative(None, run), Alternative("wrong-command", replace(run, left_rpm=OTHER[0], right_rpm=OTHER[1]))]
     (item,) = _judgements([ways], [TIRES])
     better = BETTER * item.misfits_mm[1] <= item.misfits_mm[0]
-    return bool(better), _is_beyond_tolerances(Found(run.id, "wrong-command", "", ""), item, TIRES)
+    return bool(better), is_beyond_tolerances(Found(run.id, "wrong-command", "", ""), item, TIRES)
 
 
 def test_a_turn_that_hangs_on_the_centre_of_gravity_is_no_other_command() -> None:
@@ -51,3 +58,28 @@ def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -
     )
     exchanged = replace(run, left_rpm=STATED[1], right_rpm=STATED[0])
     assert misfit_within_tolerances(exchanged, TIRES) > 0.3
+
+
+@pytest.mark.parametrize(
+    ("count", "wrong", "kept", "asked"),
+    [
+        (40, range(12, 40), 32, 5),  # four in five of 40 runs show it: five are tested, of which three hold
+        (40, range(20, 40), 0, 5),
+        (41, range(20, 40), 12, 32),
+        (4, (0, 2, 3), 3, 4),
+    ],
+)
+def test_a_few_runs_stand_for_all_of_a_kind_that_most_show(
+    count: int, wrong: Collection[int], kept: int, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tested: list[str] = []
+
+    def holds(item: Found, *_: Any) -> bool:
+        tested.append(item.run)
+        return int(item.run) in wrong
+
+    monkeypatch.setattr(belief, "is_beyond_tolerances", holds)
+    seen: Any = [SimpleNamespace(ways=[SimpleNamespace(run=SimpleNamespace(id=str(k)))]) for k in range(count)]
+    found = [Found(str(k), "reversed", "", "") for k in range(min(count, 32))]
+    assert len(belief.beyond_tolerances(found, seen, [TIRES] * count)) == kept
+    assert len(tested) == asked

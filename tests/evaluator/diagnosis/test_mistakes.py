@@ -12,7 +12,7 @@ import pytest
 
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.misread.hypotheses import _beyond_the_others
+from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found
 from tests.evaluator.diagnosis.hidden import hidden_session
@@ -144,5 +144,5 @@ def test_a_wrong_command_misses_by_more_than_effects_make_runs_read_rightly(
 
     seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
     wrong, reversed_ = (Found("r0", kind, "", "") for kind in ("wrong-command", "reversed"))
-    assert _beyond_the_others([wrong], seen) == [wrong] * believed
-    assert _beyond_the_others([reversed_], seen) == [reversed_]
+    assert beyond_the_others([wrong], seen) == [wrong] * believed
+    assert beyond_the_others([reversed_], seen) == [reversed_]

@@ -9,17 +9,14 @@ same ratio of wheel speeds. Physical effects cause neither.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
 from evaluator.diagnosis.mistakes.misread.alternatives import (
     Alternative,
     alternatives,
@@ -27,9 +24,16 @@ from evaluator.diagnosis.mistakes.misread.alternatives import (
     distinct_commands,
     thinned,
 )
+from evaluator.diagnosis.mistakes.misread.belief import (
+    beyond_the_others,
+    beyond_tolerances,
+    late_alike,
+    one_rate_fits,
+    without_regimes,
+)
 from evaluator.diagnosis.mistakes.misread.command_unit import speed_factors
-from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind
-from evaluator.interchange.commands import unsigned_rpm
+from evaluator.diagnosis.mistakes.misread.judgement import ALIKE, BETTER, FEWEST_SIMILAR, Judgement, unsigned_speeds
+from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -37,34 +41,10 @@ Floats = NDArray[np.float64]
 # Misfit of the file, relative to the extent of the path, from which a mistake is looked for. The largest effects of the
 # catalogue with which a robot is usable change a path by about a tenth.
 MISFIT_SHARE = 0.15
-BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
-ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
-# Number of other runs with the same ratio of wheel speeds, on either side and in both directions, with which a smaller
-# misfit is sufficient: a physical effect changes all of these runs, and is excluded if they fit their file.
-FEWEST_SIMILAR = 2
 # Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
-NEAR_S = 0.15  # offsets of logs that differ by less are equal: neighbours among the tried ones
 MOST_AT_ONCE = 200  # runs whose hypotheses are simulated together: some 0.4 MB each, 7 MB with a hundred commands
 SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
-
-    extent_mm: of the path. speeds: of the wheels without side and sign.
-    """
-
-    ways: list[Alternative]
-    misfits_mm: Floats
-    extent_mm: float
-    speeds: tuple[tuple[float, float], ...]
-
-    @property
-    def share(self) -> float:
-        """Misfit of the file over the extent of the path."""
-        return float(self.misfits_mm[0]) / max(self.extent_mm, 1e-9)
 
 
 def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -83,82 +63,12 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     least = _least_shares(judgements)
     judged = (_judged(item, usual, share) for item, share in zip(judgements, least, strict=True))
     found = [item for item in judged if item is not None]
-    if same and not _one_rate_fits(judgements):
+    if same and not one_rate_fits(judgements):
         found = [item for item in found if item.kind != "wrong-rate"]
-    alike = _late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
+    alike = late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
-    found = _without_regimes(_beyond_the_others(found, judgements), judgements)
-    place = {run.id: k for k, run in enumerate(data)}
-    return [item for item in found if _is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])]
-
-
-def _is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
-    """Whether a mistake fits its run several times better than the file also with values within their tolerances."""
-    if is_full_size(robot):  # nobody knows the ground to a tolerance
-        return True
-    others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
-    stated, mistaken = (misfit_within_tolerances(item.ways[k].run, robot) for k in (0, int(np.nanargmin(others))))
-    return stated >= BETTER * mistaken
-
-
-def _one_rate_fits(judgements: Sequence[Judgement]) -> bool:
-    """Whether one frame rate fits most runs several times better than their file, as if all share a wrong clock.
-
-    Physics changes each command by another factor: a blocked wheel slowed turns by 17 to 50 %, straight runs hardly.
-    """
-    better: dict[str, int] = {}  # runs by the words of a rate
-    for item in judgements:
-        for way, value in zip(item.ways, item.misfits_mm, strict=True):
-            if way.kind == "wrong-rate" and BETTER * value <= item.misfits_mm[0]:
-                better[way.words] = better.get(way.words, 0) + 1
-    return max(better.values(), default=0) >= MOST * len(judgements)
-
-
-def _late_alike(judgements: Sequence[Judgement]) -> set[str]:
-    """Runs that fit their logs best with a delay, if most runs with a log have about the same delay."""
-    best = {}
-    for item in judgements:
-        if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm[0]):
-            way = int(np.nanargmin(item.misfits_mm))
-            better = item.misfits_mm[0] > ALIKE * item.misfits_mm[way]
-            best[item.ways[0].run.id] = item.ways[way].later_s if better else 0.0
-    common = float(np.median(list(best.values()))) if best else 0.0
-    alike = {run for run, later in best.items() if later and abs(later - common) < NEAR_S}
-    return alike if len(alike) > max(len(best) / 2, 2) else set()
-
-
-def _beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
-    """The findings without wrong commands of runs whose misfit is only little larger than that of correct runs.
-
-    An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance. If
-    the recording belongs to another command, its misfit is several times that of any effect in the other runs.
-    """
-    wrong = {item.run for item in found}
-    right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
-    if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
-        return list(found)
-    share = {item.ways[0].run.id: item.share for item in judgements}
-    return [item for item in found if item.kind != "wrong-command" or share[item.run] > BETTER * max(right)]
-
-
-def _without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
-    """The findings without wrong commands that concern all runs of some wheel speeds, as a sticking wheel causes them.
-
-    A command is mixed up in one run, not in every run of the same speeds, or of speeds in the same ratio: forward and
-    backward, or to both sides too. In the ratio of 0.15, an ordinary error of the friction turned three turns on the
-    spot into others.
-    """
-    mixed_up = {item.run for item in found if item.kind == "wrong-command"}
-    regimes: dict[object, set[str]] = {}
-    for judgement in judgements:
-        run = judgement.ways[0].run
-        alike: list[tuple[str, object]] = [("to both sides", judgement.speeds), ("to one side", _speeds_of_sides(run))]
-        if ratios := tuple(round(slower / faster, 2) for slower, faster in judgement.speeds if slower < faster):
-            alike.append(("in one ratio", ratios))
-        for regime in alike:
-            regimes.setdefault(regime, set()).add(run.id)
-    physical = set().union(*(runs for runs in regimes.values() if len(runs) > 1 and runs <= mixed_up))
-    return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
+    found = without_regimes(beyond_the_others(found, judgements), judgements)
+    return beyond_tolerances(found, judgements, robots)
 
 
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
@@ -166,11 +76,6 @@ def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found |
     thin = thinned(run)
     (judgement,) = _judgements([alternatives(thin, distinct_commands([thin, *others]), None, SAME_INTERVAL)], [robot])
     return _judged(judgement, {"wrong-rate"}, least_share=0.0)
-
-
-def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
-    """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
-    return tuple(unsigned_rpm(item.left_rpm, item.right_rpm) for item in run.run_command.driven)
 
 
 def _relative(speeds: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -182,20 +87,12 @@ def _relative(speeds: tuple[tuple[float, float], ...]) -> tuple[tuple[float, flo
     return tuple((round(slower / fastest, 2), round(faster / fastest, 2)) for slower, faster in speeds)
 
 
-def _speeds_of_sides(run: RunData) -> tuple[tuple[float, float], ...]:
-    """Wheel speeds, left and right, of a run without direction: as if it began forward."""
-    stretches = run.run_command.driven
-    pairs = [(stretch.left_rpm, stretch.right_rpm) for stretch in stretches]
-    backward = bool(pairs) and pairs[0] < (-pairs[0][0], -pairs[0][1])
-    return tuple((-left, -right) if backward else (left, right) for left, right in pairs)
-
-
 def _judged_runs(
     data: Sequence[RunData], robots: Sequence[Robot], ways_of: Callable[[int], list[Alternative]]
 ) -> list[Judgement]:
     """Judgements of all runs: of those that fit their file, that of the file alone; ways_of: hypotheses on the kth run.
 
-    The delays of all logs are compared (_late_alike), so that runs with a log are judged by every hypothesis.
+    The delays of all logs are compared (late_alike), so that runs with a log are judged by every hypothesis.
     """
     judgements = _judgements([[Alternative(None, run)] for run in data], robots)
     least = _least_shares(judgements)

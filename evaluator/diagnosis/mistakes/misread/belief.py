@@ -1,0 +1,103 @@
+"""Which findings are believed: not those that physics or values within their tolerances explain as well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
+from evaluator.diagnosis.mistakes.misread.judgement import ALIKE, BETTER, FEWEST_SIMILAR, Judgement, speeds_of_sides
+from evaluator.diagnosis.mistakes.recognised import MOST, Found
+from simulator.robot import Robot
+
+NEAR_S = 0.15  # offsets of logs that differ by less are equal: neighbours among the tried ones
+TESTED = 5  # runs of a kind of mistake that most runs show whose values are varied, a tenth of a second each
+
+
+def one_rate_fits(judgements: Sequence[Judgement]) -> bool:
+    """Whether one frame rate fits most runs several times better than their file, as if all share a wrong clock.
+
+    Physics changes each command by another factor: a blocked wheel slowed turns by 17 to 50 %, straight runs hardly.
+    """
+    better: dict[str, int] = {}  # runs by the words of a rate
+    for item in judgements:
+        for way, value in zip(item.ways, item.misfits_mm, strict=True):
+            if way.kind == "wrong-rate" and BETTER * value <= item.misfits_mm[0]:
+                better[way.words] = better.get(way.words, 0) + 1
+    return max(better.values(), default=0) >= MOST * len(judgements)
+
+
+def late_alike(judgements: Sequence[Judgement]) -> set[str]:
+    """Runs that fit their logs best with a delay, if most runs with a log have about the same delay."""
+    best = {}
+    for item in judgements:
+        if item.ways[0].run.log is not None and np.isfinite(item.misfits_mm[0]):
+            way = int(np.nanargmin(item.misfits_mm))
+            better = item.misfits_mm[0] > ALIKE * item.misfits_mm[way]
+            best[item.ways[0].run.id] = item.ways[way].later_s if better else 0.0
+    common = float(np.median(list(best.values()))) if best else 0.0
+    alike = {run for run, later in best.items() if later and abs(later - common) < NEAR_S}
+    return alike if len(alike) > max(len(best) / 2, 2) else set()
+
+
+def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
+    """The findings without wrong commands of runs whose misfit is only little larger than that of correct runs.
+
+    An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance. If
+    the recording belongs to another command, its misfit is several times that of any effect in the other runs.
+    """
+    wrong = {item.run for item in found}
+    right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
+    if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
+        return list(found)
+    share = {item.ways[0].run.id: item.share for item in judgements}
+    return [item for item in found if item.kind != "wrong-command" or share[item.run] > BETTER * max(right)]
+
+
+def without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
+    """The findings without wrong commands that concern all runs of some wheel speeds, as a sticking wheel causes them.
+
+    A command is mixed up in one run, not in every run of the same speeds, or of speeds in the same ratio: forward and
+    backward, or to both sides too. In the ratio of 0.15, an ordinary error of the friction turned three turns on the
+    spot into others.
+    """
+    mixed_up = {item.run for item in found if item.kind == "wrong-command"}
+    regimes: dict[object, set[str]] = {}
+    for judgement in judgements:
+        run = judgement.ways[0].run
+        alike: list[tuple[str, object]] = [("to both sides", judgement.speeds), ("to one side", speeds_of_sides(run))]
+        if ratios := tuple(round(slower / faster, 2) for slower, faster in judgement.speeds if slower < faster):
+            alike.append(("in one ratio", ratios))
+        for regime in alike:
+            regimes.setdefault(regime, set()).add(run.id)
+    physical = set().union(*(runs for runs in regimes.values() if len(runs) > 1 and runs <= mixed_up))
+    return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
+
+
+def beyond_tolerances(found: Sequence[Found], judgements: Sequence[Judgement], robots: Sequence[Robot]) -> list[Found]:
+    """The findings that hold with values within their tolerances; a few stand for all of a kind that most runs show."""
+    place = {item.ways[0].run.id: k for k, item in enumerate(judgements)}
+
+    def holds(item: Found) -> bool:
+        return is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])
+
+    kept: list[Found] = []
+    for kind in dict.fromkeys(item.kind for item in found):
+        of_kind = [item for item in found if item.kind == kind]
+        if len(of_kind) >= max(MOST * len(judgements), TESTED):
+            some = [of_kind[k] for k in np.linspace(0, len(of_kind) - 1, TESTED).astype(int)]
+            kept += of_kind if 2 * sum(map(holds, some)) > len(some) else []
+        else:
+            kept += filter(holds, of_kind)
+    return kept
+
+
+def is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
+    """Whether a mistake fits its run several times better than the file also with values within their tolerances."""
+    if is_full_size(robot):  # nobody knows the ground to a tolerance
+        return True
+    others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
+    stated, mistaken = (misfit_within_tolerances(item.ways[k].run, robot) for k in (0, int(np.nanargmin(others))))
+    return stated >= BETTER * mistaken

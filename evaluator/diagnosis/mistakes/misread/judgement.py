@@ -1,0 +1,51 @@
+"""How well a run fits its file and the hypotheses on it, and the wheel speeds by which runs are alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.interchange.commands import unsigned_rpm
+
+Floats = NDArray[np.float64]
+
+BETTER = 3.0  # least ratio of the misfits of file and mistake, and of the file's misfits of this and of similar runs
+ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by other evidence
+# Number of other runs with the same ratio of wheel speeds, on either side and in both directions, with which a smaller
+# misfit is sufficient: a physical effect changes all of these runs, and is excluded if they fit their file.
+FEWEST_SIMILAR = 2
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
+
+    extent_mm: of the path. speeds: of the wheels without side and sign.
+    """
+
+    ways: list[Alternative]
+    misfits_mm: Floats
+    extent_mm: float
+    speeds: tuple[tuple[float, float], ...]
+
+    @property
+    def share(self) -> float:
+        """Misfit of the file over the extent of the path."""
+        return float(self.misfits_mm[0]) / max(self.extent_mm, 1e-9)
+
+
+def unsigned_speeds(run: RunData) -> tuple[tuple[float, float], ...]:
+    """The wheel speeds of a run without side and sign, slower first, in the order of its commands."""
+    return tuple(unsigned_rpm(item.left_rpm, item.right_rpm) for item in run.run_command.driven)
+
+
+def speeds_of_sides(run: RunData) -> tuple[tuple[float, float], ...]:
+    """Wheel speeds, left and right, of a run without direction: as if it began forward."""
+    stretches = run.run_command.driven
+    pairs = [(stretch.left_rpm, stretch.right_rpm) for stretch in stretches]
+    backward = bool(pairs) and pairs[0] < (-pairs[0][0], -pairs[0][1])
+    return tuple((-left, -right) if backward else (left, right) for left, right in pairs)
