@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+
+if TYPE_CHECKING:
+    from simulator.robot import Robot
+
+
+# Mean density of the box around a robot, kg/m³: from foam to platinum. A Husky has 190, the paper's robot 1,700.
+LIGHTEST, HEAVIEST = 10.0, 21_500.0
+# Attraction of the strongest wheel over the weight: less does not hold a robot, more presses it flat. The paper's
+# wheels have 0.6 to 4; a factor of a thousand between units leads out of the range from any value between.
+WEAKEST, STRONGEST = 0.01, 300.0
 
 
 @dataclass(frozen=True)
@@ -68,8 +79,34 @@ def check_experiment(path: Path) -> Check:
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
         found = mistakes_of_marks(experiment, given_marks(experiment))
-        mistakes = tuple(item.sentence for item in found)
+        mistakes = (*_doubts_of_robots(experiment), *(item.sentence for item in found))
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
+
+
+def _doubts_of_robots(experiment: Experiment) -> Iterator[str]:
+    """Values of robot files that seem to be in another unit, of robots with a body."""
+    from evaluator.settings import load_any_robot
+    from simulator.robot import Robot
+
+    for name in dict.fromkeys([experiment.robot, *(run.robot for run in experiment.run if run.robot)]):
+        robot = load_any_robot(Path(name))
+        if isinstance(robot, Robot):
+            yield from (f"{name}: {doubt}" for doubt in implausible_values(robot))
+
+
+def implausible_values(robot: Robot) -> Iterator[str]:
+    """Sentences about a density or an attraction that no robot has."""
+    body, weight_mN = robot.body, robot.weight_uN / 1000
+    sizes = body.length_mm, body.width_mm, body.height_mm
+    density = 1e6 * body.mass_g / math.prod(sizes)
+    if not LIGHTEST < density < HEAVIEST:
+        box = " x ".join(f"{size:g}" for size in sizes)
+        yield f"{body.mass_g:g} g in a box of {box} mm are {density:.2g} kg/m3; is the mass or a size in another unit?"
+        return
+    strongest_mN = max(wheel.attraction_mN for wheel in robot.all_wheels)
+    if strongest_mN and not WEAKEST < strongest_mN / weight_mN < STRONGEST:
+        share = f"{strongest_mN / weight_mN:.2g} of its weight of {weight_mN:.3g} mN"
+        yield f"magnets attract a wheel with {strongest_mN:.3g} mN, {share}; is the attraction in another unit?"
 
 
 def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:

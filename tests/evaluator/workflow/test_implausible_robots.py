@@ -1,0 +1,50 @@
+"""A robot file whose mass or attraction no robot has is doubted before anything is simulated from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from evaluator.workflow.checks import check_experiment, implausible_values
+from simulator.robot import load_robot, shipped_robot_text
+
+BARREL = load_robot("barrel")
+VOLUME_MM3 = 5.0 * 9.0 * 6.5
+WEIGHT_MN = 0.5e-3 * 9.8e3
+
+
+@pytest.mark.parametrize(
+    ("density", "doubted"), [(9.9, True), (10.1, False), (1700.0, False), (21_400.0, False), (21_600.0, True)]
+)
+def test_a_robot_is_denser_than_foam_and_no_denser_than_platinum(density: float, *, doubted: bool) -> None:
+    body = BARREL.body.model_copy(update={"mass_g": density * 1e-6 * VOLUME_MM3})
+    (*found,) = implausible_values(BARREL.model_copy(update={"body": body}))
+    assert any(f"{density:.2g} kg/m3" in item for item in found) is doubted
+
+
+@pytest.mark.parametrize(
+    ("share", "doubted"), [(0.0099, True), (0.0101, False), (0.0, False), (299.0, False), (301.0, True)]
+)
+def test_a_magnet_holds_a_robot_and_does_not_press_it_flat(share: float, *, doubted: bool) -> None:
+    magnets = {"driving_wheel_mN": share * WEIGHT_MN, "driven_wheel_mN": 0.1 * share * WEIGHT_MN}
+    attraction = BARREL.magnetic_attraction.model_copy(update=magnets)
+    (*found,) = implausible_values(BARREL.model_copy(update={"magnetic_attraction": attraction}))
+    assert ([f"{share:.2g} of its weight" in item for item in found] == [True]) is doubted
+
+
+@pytest.mark.parametrize("name", ["barrel", "column", "tire", "two_driven_caster", "four_driven", "six_driven"])
+def test_shipped_robots_are_plausible(name: str) -> None:
+    assert list(implausible_values(load_robot(name))) == []
+
+
+def test_check_doubts_a_mass_in_kilograms_with_the_name_of_the_file(tmp_path: Path) -> None:
+    text = shipped_robot_text("barrel").replace("mass_g = 0.5", "mass_g = 0.0005")
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "m.csv").write_text("time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm\n0,0,1,0,-1\n1,0,1,0,-1\n")
+    run = '[[run]]\nid = "r"\nmarks = "m.csv"\nleft_rpm = 1\nright_rpm = 1\n'
+    path = tmp_path / "experiment.toml"
+    path.write_text(f'format = 1\nname = "e"\nrobot = "robot.toml"\n{run}', encoding="utf-8")
+    found = check_experiment(path)
+    assert found.faults == ()
+    assert "robot.toml: 0.0005 g in a box of 5 x 9 x 6.5 mm are 1.7 kg/m3" in found.mistakes[0]
