@@ -14,8 +14,8 @@ from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 
 FRAMES = 80  # per run in a comparison, which suffice for a smooth path
-# Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, and fields instead of frames.
-RATES = (0.5, 2.0, 0.25, 4.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
+# Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, slow motion of 240, and fields instead of frames.
+RATES = (0.5, 2.0, 0.25, 4.0, 0.125, 8.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
