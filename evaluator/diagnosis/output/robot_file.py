@@ -12,7 +12,7 @@ from simulator.robot import shipped_robot_text, shipped_robots
 from simulator.units import other_keys
 
 
-def robot_text(name_or_path: str) -> str:
+def robot_text(name_or_path: Path | str) -> str:
     """Text of a robot file, shipped or the user's own."""
     name = str(name_or_path)
     return shipped_robot_text(name) if name in shipped_robots() else Path(name).read_text(encoding="utf-8")

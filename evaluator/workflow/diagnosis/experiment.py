@@ -125,7 +125,7 @@ def diagnose_experiment(
     def key_now() -> str:
         return key_of_diagnosis(experiment, outputs, list(map(text_of, own)))
 
-    key, robot = key_now(), read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
+    key, robot = key_now(), read_with(robot_text, Path(experiment.robot))
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)

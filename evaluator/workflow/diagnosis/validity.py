@@ -33,7 +33,7 @@ def key_of_diagnosis(experiment: Experiment, outputs: Outputs, own: Sequence[str
             runs.append([job.run.id, job.keys()["simulate"]])
         except (OSError, InputError) as error:  # a missing recording: its run is excluded until it exists
             runs.append([job.run.id, str(error)])
-    text = read_with(robot_text, experiment.robot)  # type: ignore[arg-type]
+    text = read_with(robot_text, Path(experiment.robot))
     known = [experiment.known_to.model_dump(), experiment.relevant.model_dump()]
     return key_of({"runs": runs, "robot": text, "known": known, "own": list(own)})
 
