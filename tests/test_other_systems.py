@@ -7,6 +7,7 @@ import errno
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -135,7 +136,27 @@ def test_a_table_that_is_open_in_a_spreadsheet_on_windows_is_said_to_be(
         raise PermissionError(errno.EACCES, "Access is denied", str(temporary), 5, str(path))
 
     monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(time, "sleep", lambda _: None)
     monkeypatch.setattr(Path, "replace", refused)
     with pytest.raises(UnwritableError, match=r"turning\.csv: cannot be written .*; close it in other programs"):
         write_text(tmp_path / "turning.csv", "x")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_that_a_scanner_on_windows_has_open_for_a_moment_is_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from evaluator.files import write_text
+
+    refusals, replace = iter(range(3)), Path.replace
+
+    def refused_at_first(temporary: Path, path: Path) -> None:
+        if next(refusals, None) is not None:
+            raise PermissionError(errno.EACCES, "Access is denied", str(temporary), 5, str(path))
+        replace(temporary, path)
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+    monkeypatch.setattr(Path, "replace", refused_at_first)
+    write_text(tmp_path / "turning.csv", "x")
+    assert [path.name for path in tmp_path.iterdir()] == ["turning.csv"]

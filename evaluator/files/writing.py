@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:  # slow to import, and not needed to write text
     from numpy.typing import NDArray
 
 NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+REFUSALS, PAUSE_S = 20, 0.05  # a scanner reads a table of some MB in less than this second
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
@@ -27,12 +29,15 @@ def written_whole(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside path, and rename it to path when the block ends without an error.
 
     The temporary name has the same suffix, by which encoders choose their format. A file that is already at path stays
-    until the rename. Raises UnwritableError if the writing fails.
+    until the rename; a symbolic link stays, and its target is replaced. Raises UnwritableError if the writing fails.
     """
     path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        place = path.resolve() if path.is_symlink() else path
+        if place.exists() and not place.is_file():  # the rename would replace a device, if the user may do that
+            raise UnwritableError(f"{path}: is a folder, a pipe or a device; give the name of a file")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=place.parent)
     except OSError as error:  # names a folder, or the temporary file
         raise _unwritable(path, error) from error
     os.close(handle)
@@ -42,13 +47,28 @@ def written_whole(path: Path) -> Iterator[Path]:
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; a result is as readable as any other file
-        temporary.replace(path)
+        _replace(temporary, place)
     except OSError as error:  # other errors come from files that the block reads
         if error.errno not in NO_ROOM and str(error.filename) != str(temporary):
             raise
         raise _unwritable(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _replace(temporary: Path, place: Path) -> None:
+    """Rename a file.
+
+    Windows refuses while another program has the target open: virus scanners and synchronised folders for a moment.
+    """
+    for _ in range(REFUSALS if sys.platform == "win32" else 0):
+        try:
+            temporary.replace(place)
+        except PermissionError:
+            time.sleep(PAUSE_S)
+        else:
+            return
+    temporary.replace(place)
 
 
 def _unwritable(path: Path, error: OSError) -> UnwritableError:

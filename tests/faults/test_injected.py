@@ -260,3 +260,22 @@ def test_a_protected_folder_is_named_with_the_file_that_was_wanted_and_not_with_
     monkeypatch.setattr(tempfile, "mkstemp", protected)
     with pytest.raises(UnwritableError, match=r"/r00\.csv: cannot be written \(read-only file system\)"):
         write_text(tmp_path / "r00.csv", "x")
+
+
+def test_a_link_is_kept_and_its_target_replaced(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "r.csv").symlink_to(tmp_path / "disk" / "r.csv")
+    for text in ("first", "second"):
+        write_text(tmp_path / "r.csv", text)
+        assert (tmp_path / "disk" / "r.csv").read_text(encoding="utf-8") == text
+    assert (tmp_path / "r.csv").is_symlink()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes among its files")
+def test_a_device_or_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    for name in ("pipe", "link"):
+        with pytest.raises(UnwritableError, match=f"{name}: is a folder, a pipe or a device"):
+            write_text(tmp_path / name, "x")
+    assert (tmp_path / "pipe").is_fifo()
