@@ -68,6 +68,7 @@ def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
 
 # Values of the wrong kind in words of the files; pydantic's are those of Python.
 TYPES = "_parsing", "_type", "_from_float"
+MOST_SHOWN = 200  # characters of a value: more than a line of a file
 KINDS = {
     "float": "should be a number",
     "int": "should be a whole number",
@@ -113,7 +114,9 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
     if kind == "missing":
         return f"{dotted} is missing"
     text = in_words(kind, message)
-    return text if isinstance(found, dict) or not dotted else f"{dotted} = {found!r}: {text}"
+    shown = repr(found)
+    shown = shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}…"
+    return text if isinstance(found, dict) or not dotted else f"{dotted} = {shown}: {text}"
 
 
 def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
