@@ -78,8 +78,15 @@ def test_rest_and_turn_on_the_spot_are_kinds_of_their_own() -> None:
     [(5.0, 180, 120, 0.01, 0.8), (100.0, 15, 120, 0.01, 0.0), (5.0, 80, 120, 0.1, 0.0), (2.5, 720, 600, 0.05, 0.9)],
 )
 def test_noise_makes_no_phases(
-    radius_mm: float, turned_deg: float, frames: int, sigma_mm: float, correlation: float
+    radius_mm: float,
+    turned_deg: float,
+    frames: int,
+    sigma_mm: float,
+    correlation: float,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    stop_there = "evaluator.turning.measure.several_motions"  # the fits after it take five times as long
+    monkeypatch.setattr(stop_there, lambda _: "its phases are enough")
     for seed in range(8):
         run = measured(arc_poses(radius_mm, turned_deg, frames), sigma_mm, seed, correlation)
         assert [phase.kind for phase in run.phases if phase.kind != "rest"] == ["turn"]
