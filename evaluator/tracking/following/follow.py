@@ -21,6 +21,7 @@ from evaluator.tracking.refinement.learn_shape import Patch, Steps
 from evaluator.tracking.refinement.shading import LightNotes, interior_px
 from evaluator.tracking.refinement.shutter import SHARE_SIGMA, UNKNOWN, best_share
 from evaluator.tracking.refinement.slow_path import SlowPath
+from evaluator.tracking.uncertainty.color_offset import ColorOffsets
 from evaluator.tracking.uncertainty.rim import Rim, rim_power
 
 Array = NDArray[np.float64]
@@ -62,11 +63,9 @@ class Follower(Motion):
         self._found, self._result = np.zeros(5), np.zeros(kernels.RESULTS)
         self._fitted, self._start = self._result.tolist(), np.zeros(4)
         self.seen, self.unlike, self.hidden, self.views = 0, 0, False, list[Patch]()
-        self.light, self.rim = LightNotes(), Rim()
-        self.last_sighting: tuple[Point | None, float] = (
-            None,
-            0.0,
-        )  # place and time at which it was last seen, not measured
+        self.light, self.rim, self.offsets = LightNotes(), Rim(), ColorOffsets()
+        # Place and time at which it was last seen, but not measured.
+        self.last_sighting: tuple[Point | None, float] = (None, 0.0)
         self._usual = np.zeros(5)
         self._usual[fast_path.U_SCATTER] = (fast_path.DISTURBED - 1.0) / fast_path.ODD  # the largest plausible scatter
         self.take_look(self.look)
@@ -152,14 +151,16 @@ class Follower(Motion):
             return ABSENT["outside the image" if beyond(frame, place, self.radius_px) else "not seen"]
         lookout = self._slow_path.begin(frame)
         if verdict == fast_path.WELL and not lookout:
-            return self._measured(frame)
+            return self._measured(frame, cell)
         if verdict == fast_path.UNUSUAL:
             self._explain_disturbance(frame, interval_s)
         suspicious = bool(result[kernels.RESIDUAL] > 1.0 + fast_path.SUSPECT * self._usual[fast_path.U_SCATTER])
         if suspicious or lookout:
             taken = self._slow_path.refit(frame, suspicious=suspicious)
             if verdict == fast_path.WELL and not taken:
-                return self._measured(frame, with_rim=self._slow_path.regular(frame))  # the fast path's fit stands
+                return self._measured(
+                    frame, cell, with_rim=self._slow_path.regular(frame)
+                )  # the fast path's fit stands
         return self._judged(frame, cell, place, reach_px)
 
     def _explain_disturbance(self, frame: Frame, interval_s: float) -> None:
@@ -213,13 +214,14 @@ class Follower(Motion):
             reason = "disturbed"
         elif colored > fast_path.MANY * self.look.area_px2 or abs(x - seen_x) + abs(y - seen_y) > slack:
             reason = self._crowd(frame, cell, (x, y), slack)
-        return ABSENT[reason] if reason else self._measured(frame, with_rim=True)
+        return ABSENT[reason] if reason else self._measured(frame, cell, with_rim=True)
 
-    def _measured(self, frame: Frame, *, with_rim: bool = False) -> Sighting:
+    def _measured(self, frame: Frame, cell: Array, *, with_rim: bool = False) -> Sighting:
         """The fitted mark with its uncertainty; with_rim: evaluate the rim, too."""
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
+        self.offsets.note(frame.time_s, (x, y), self._found, self.look.area_px2, cell.item(0))
         if self._slow_path.occluded:
             # From one end of a smeared mark its middle is known only as accurately as the length of the smear.
             share, unsure = self.shutter

@@ -74,20 +74,28 @@ def refine(
         if follower is None:  # a tag or a light
             _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
             continue
-        shading = follower.light.learnt(follower.look.disc) if isinstance(follower, Follower) else None
-        if shading is not None and isinstance(follower, Follower):
-            shift, variance = shading.shift(values[:, :2])
-            shifted = follower.light.shifted(times)
-            values[shifted, :2] -= shift[shifted]
-            values[shifted, 2:4] += variance[shifted, None]
-        if isinstance(follower, BlobFollower):
+        if isinstance(follower, Follower):
+            _allow_for_light(times, values, follower)
+        else:
             widen_by_outline(times, values, follower.outline)
         _allow_for_onsets(values)
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift
         values[:, 2:4] += variance
         _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
+        if isinstance(follower, Follower):
+            values[:, 2:4] += follower.offsets.variance(times)[:, None]
     _hold_together(time_s, numbers, status, together)
+
+
+def _allow_for_light(times: Array, values: Array, follower: Follower) -> None:
+    """Correct the centres of a disc for uneven light; values: (n, 5) as in `refine`, in place."""
+    shading = follower.light.learnt(follower.look.disc)
+    if shading is not None:
+        shift, variance = shading.shift(values[:, :2])
+        shifted = follower.light.shifted(times)
+        values[shifted, :2] -= shift[shifted]
+        values[shifted, 2:4] += variance[shifted, None]
 
 
 def _add_hidden(

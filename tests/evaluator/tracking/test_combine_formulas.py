@@ -65,6 +65,7 @@ class Disc(Follower):
         self.light: Any = SimpleNamespace(
             learnt=lambda _disc: SimpleNamespace(shift=shift), shifted=lambda times: np.arange(len(times)) % 2 == 0
         )
+        self.offsets: Any = SimpleNamespace(variance=lambda times: np.full(len(times), 0.125))
 
 
 class Blob(BlobFollower):
@@ -92,7 +93,7 @@ def only(monkeypatch: pytest.MonkeyPatch, **kept: Any) -> None:
         monkeypatch.setattr(combine, name, stub)
 
 
-def test_shifts_of_light_and_exposure_are_taken_off_and_their_variances_added(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shifts_of_light_and_exposure_are_taken_off_and_all_variances_added(monkeypatch: pytest.MonkeyPatch) -> None:
     def exposed(times: np.ndarray, centers: np.ndarray, _variances: Any, shutter: Any) -> Any:
         assert shutter == (0.5, 0.1)
         np.testing.assert_allclose(centers[0], start[0, :2] - [2.0, 3.0])  # as light leaves it
@@ -108,7 +109,7 @@ def test_shifts_of_light_and_exposure_are_taken_off_and_their_variances_added(mo
     refined(numbers, {"green": Disc()})
     even = (np.arange(COUNT) % 2 == 0)[:, None]
     np.testing.assert_allclose(start[:, :2] - numbers["green"][:, :2], [0.5, -0.25] + even * [2.0, 3.0])
-    np.testing.assert_allclose(numbers["green"][:, 2:4] - start[:, 2:4], [0.54, 0.55] + even * [0.01, 0.01])
+    np.testing.assert_allclose(numbers["green"][:, 2:4] - start[:, 2:4], [0.665, 0.675] + even * [0.01, 0.01])
     np.testing.assert_array_equal(numbers["green"][:, 4], start[:, 4])
 
 

@@ -171,7 +171,7 @@ def test_colour_around_a_mark_tells_whether_half_of_it_is_hidden_or_something_is
 
 
 def variances(one: Follower) -> tuple[float, float, float]:
-    measured = one._measured(frame())
+    measured = one._measured(frame(), np.full(4, 2.0))
     return measured.var_x, measured.var_y, measured.cov_xy
 
 
