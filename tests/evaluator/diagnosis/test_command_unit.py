@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread import command_unit
 from evaluator.diagnosis.mistakes.misread.command_unit import Factor, share_a_factor, speed_factors
 from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
 
 RADIUS_MM = 0.5
 ROBOT: Any = SimpleNamespace(driving_radius_mm=RADIUS_MM)
 RPM = 2.0 * 60 / (2 * np.pi * RADIUS_MM)  # at which wheels of the robot roll as fast as it moves, 2 mm/s
+
+
+@pytest.fixture(autouse=True)
+def _without_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command_unit, "_slipped", lambda data, _: np.ones(len(data)))
 
 
 def runs(*shares: float, turned: float = 0.2) -> list[RunData]:
@@ -62,6 +68,30 @@ def test_a_radius_that_is_a_diameter_and_a_gear_are_told_only_if_all_runs_share_
     assert gear.unit == ""
     assert "before its gear" in gear.words
     assert found(runs(298.0, 298.0)) == [None] * 2  # two runs are no session
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (0.531, None),
+        (0.527, "diameter"),
+        (0.473, "diameter"),
+        (0.467, "before its gear"),
+        (1.95, None),  # an effect of the catalogue may be the cause
+        (2.05, "2.05 times as fast as commanded"),
+    ],
+)
+def test_a_factor_that_an_effect_may_cause_is_left_to_the_diagnosis(times: float, words: str | None) -> None:
+    (first, *_) = found(runs(*[1 / times] * 4))
+    assert (first is None) == (words is None)
+    assert words is None or (first is not None and words in first.words)
+
+
+def test_the_factor_is_relative_to_a_simulation_that_slips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command_unit, "_slipped", lambda data, _: np.full(len(data), 0.9))
+    (first, *_) = found(runs(*[30.0 / 0.9] * 3))
+    assert first is not None
+    assert first.times == pytest.approx(1 / 30, rel=1e-3)
 
 
 @pytest.mark.parametrize(

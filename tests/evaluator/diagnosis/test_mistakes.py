@@ -87,6 +87,8 @@ def test_commands_of_all_runs_in_another_unit_are_corrected_to_rpm(clean: Sessio
     geared = [replace(r, left_rpm=298 * r.left_rpm, right_rpm=298 * r.right_rpm) for r in clean.data]
     (said,) = recognise(geared, clean.robots)
     assert (said.kind, said.everywhere, said.corrections) == ("wrong-unit", True, {})  # no gear is exactly known
+    times = float(said.sentence.split("turned ")[1].split(" times")[0])
+    assert 298 * times == pytest.approx(1.0, rel=0.02)
 
 
 def test_times_of_all_runs_that_count_twice_are_a_wrong_rate(clean: Session) -> None:

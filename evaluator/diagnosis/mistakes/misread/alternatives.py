@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.misread.command_unit import Factor
+from evaluator.diagnosis.mistakes.misread.command_unit import Factor, driven
 from evaluator.diagnosis.mistakes.recognised import Correction, Kind
 from evaluator.interchange.commands import RunCommand
-from simulator.command import Command
 
 FRAMES = 80  # per run in a comparison, which suffice for a smooth path
 # Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, slow motion of 240, and fields instead of frames.
@@ -98,28 +97,18 @@ def _same_speeds(run: RunData) -> list[Alternative]:
     command = run.run_command.command
     found = []
     if command.left_rpm.any() or command.right_rpm.any():
-        backward = _driven(run, -1.0, exchanged=False)
+        backward = driven(run, -1.0)
         found.append(Alternative("reversed", backward, "drives the opposite way to its command"))
     if (command.left_rpm != command.right_rpm).any():
-        swapped = _driven(run, 1.0, exchanged=True)
+        swapped = driven(run, 1.0, exchanged=True)
         found.append(Alternative("sides-swapped", swapped, "turns as if left and right were exchanged"))
     return found
 
 
 def _in_unit(run: RunData, factor: Factor) -> list[Alternative]:
     """The run with its command in another unit."""
-    scaled = _driven(run, factor.times, exchanged=False)
+    scaled = driven(run, factor.times)
     return [Alternative("wrong-unit", scaled, factor.words, exact=bool(factor.unit))]
-
-
-def _driven(run: RunData, times: float, *, exchanged: bool) -> RunData:
-    """The run with its command times a factor, left and right exchanged or not."""
-    left, right = (times * run.left_rpm, times * run.right_rpm)[:: -1 if exchanged else 1]
-    log = run.log
-    if log is not None:
-        sides = (times * log.command.left_rpm, times * log.command.right_rpm)[:: -1 if exchanged else 1]
-        log = replace(log, command=Command(log.command.time_s, *sides))
-    return replace(run, left_rpm=left, right_rpm=right, log=log)
 
 
 def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:

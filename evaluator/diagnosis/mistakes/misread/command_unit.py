@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
+from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.disturbances import SETTLED_S
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.motion import motion_of
 from evaluator.diagnosis.mistakes.recognised import MOST
+from simulator.command import Command
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-# Factor of all speeds, or its inverse, from which a unit may be the cause: no robot that is driven slips by a third in
-# every command, and none rolls half as far again as its wheels.
-LEAST_FACTOR = 1.5
+# Factor of all speeds, or its inverse, from which a unit may be the cause, and beyond which no effect of the catalogue
+# is (the bounds of drive-speed-scale and time-base).
+LEAST_FACTOR, MOST_OF_EFFECTS = 1.5, 2.0
 STRAIGHT_SHARE = 0.5  # mean speed of both sides over that of the faster, from which the middle moves about as they roll
-UNIT_SHARE = 0.25  # largest relative difference from the factor of a unit: slip slows a robot by up to a fifth
-COMMON_SHARE = 0.15  # largest relative difference of a run's factor from that of all: slip differs by about so much
+# Largest relative difference from the factor of a unit: motors and friction slow a robot by up to a fifth; where an
+# effect may be the cause too, radii and clocks are known to a few per cent.
+UNIT_SHARE, NEAR_SHARE = 0.25, 0.06
+COMMON_SHARE = 0.15  # largest relative difference of a run's factor from that of all
 
 
 @dataclass(frozen=True)
@@ -43,15 +47,18 @@ class Factor:
 def speed_factors(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Factor | None]:
     """For every run, the factor of its speed if a unit of its own, or a factor common to most runs, explains it.
 
-    The speed of the middle along the robot over the mean speed of both sides. Turns nearly on the spot do not show it,
-    and have the factor of the others.
+    The speed of the middle of the marks along the robot, over that of a simulation. Turns nearly on the spot do not
+    show it, and have the factor of the others.
     """
     shown = _all_shown(data, robots)
+    asked = [k for k, value in enumerate(shown) if _is_far(float(value))]
+    shown[asked] /= _slipped([driven(data[k], float(shown[k])) for k in asked], [robots[k] for k in asked])
     common = _common(shown)
     found: list[Factor | None] = []
     for value, robot in zip(shown, robots, strict=True):
         if common and not abs(value / common - 1) >= COMMON_SHARE:
-            found.append(_named(common, robot, of_all=True) or Factor(common))
+            named = _named(common, robot, of_all=True)
+            found.append(named or (Factor(common) if _is_far(common, MOST_OF_EFFECTS) else None))
         else:
             found.append(_named(float(value), robot, of_all=False) if _is_far(float(value)) else None)
     return found
@@ -60,6 +67,26 @@ def speed_factors(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fact
 def share_a_factor(data: Sequence[RunData], robots: Sequence[Robot]) -> bool:
     """Whether most runs are faster or slower than commanded by one factor that no physics causes."""
     return _common(_all_shown(data, robots)) > 0
+
+
+def driven(run: RunData, times: float, *, exchanged: bool = False) -> RunData:
+    """The run with its command times a factor, left and right exchanged or not."""
+    left, right = (times * run.left_rpm, times * run.right_rpm)[:: -1 if exchanged else 1]
+    log = run.log
+    if log is not None:
+        sides = (times * log.command.left_rpm, times * log.command.right_rpm)[:: -1 if exchanged else 1]
+        log = replace(log, command=Command(log.command.time_s, *sides))
+    return replace(run, left_rpm=left, right_rpm=right, log=log)
+
+
+def _slipped(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:
+    """Speeds (n,) of simulated runs over those of their wheels; 1 where the simulation does not show it."""
+    if not data:
+        return np.ones(0)
+    marks = Simulated(robots, data, {}).marks([Task(k, (0.0,) * PER_RUN) for k in range(len(data))])
+    simulated = [replace(run, marks_mm=seen) for run, seen in zip(data, marks, strict=True)]
+    found = _all_shown(simulated, robots)
+    return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
 
 def _all_shown(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:
@@ -90,11 +117,12 @@ def _named(times: float, robot: Robot, *, of_all: bool) -> Factor | None:
     if of_all:
         units |= {"the radius of the wheels in the robot file were their diameter": 0.5}
     words, factor = min(units.items(), key=lambda item: abs(np.log(item[1] / times)))
-    return Factor(factor, words) if abs(times / factor - 1) < UNIT_SHARE else None
+    most = UNIT_SHARE if _is_far(times, MOST_OF_EFFECTS * (1 + UNIT_SHARE)) else NEAR_SHARE
+    return Factor(factor, words) if abs(times / factor - 1) < most else None
 
 
-def _is_far(times: float) -> bool:
-    return bool(np.isfinite(times) and times > 0 and abs(np.log(times)) > np.log(LEAST_FACTOR))
+def _is_far(times: float, least: float = LEAST_FACTOR) -> bool:
+    return bool(np.isfinite(times) and times > 0 and abs(np.log(times)) > np.log(least))
 
 
 def _shown(run: RunData, robot: Robot) -> float:
