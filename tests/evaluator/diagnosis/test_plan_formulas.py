@@ -36,6 +36,24 @@ def test_commands_are_straight_and_turns_to_both_sides_forward_and_backward() ->
     assert (len(many), min(many), max(many)) == (8, 3.0, 60.0)
 
 
+def test_a_path_reaches_as_far_as_its_marks_turned_by_its_heading() -> None:
+    path = np.array([[0.0, 0.0, 0.0, 1.0], [2.0, 0.0, 2.0, 1.0], [9.0, 0.0, 9.0, 1.0]])
+    path = np.repeat(path, [1, candidate_runs.STEPS_PER_S, 1], axis=0)
+    low, high = candidate_runs._reach(path, 90.0, 1.0)  # after a second it is at 2 mm; its left is then -x
+    assert low == pytest.approx([-1.0, 0.0])
+    assert high == pytest.approx([0.0, 2.0])
+    low, high = candidate_runs._reach(path, 180.0, 2.0)
+    assert (*low, *high) == pytest.approx((-9.0, -1.0, 0.0, 0.0))
+
+
+def test_corners_lie_near_those_of_the_room_opposite_ones_first() -> None:
+    corners = np.array(CORNERS)
+    assert (np.abs(corners) < 1).all()
+    assert (np.abs(corners) > 0.5).all()
+    assert {tuple(signs) for signs in np.sign(corners)} == {(1, 1), (-1, -1), (1, -1), (-1, 1)}
+    np.testing.assert_array_equal(corners[::2], -corners[1::2])
+
+
 def test_room_is_the_plate_without_its_margin_or_where_marks_were() -> None:
     assert Room.of_plate((40.0, 30.0), 4.5) == Room((0.0, 0.0), (15.5, 10.5))
     assert Room.of_plate((8.0, 30.0), 4.5).half_mm == (0.0, 10.5)
@@ -168,6 +186,18 @@ def test_an_effect_shows_by_what_values_within_their_tolerances_cannot_imitate(m
     assert of_a.measured_sigmas == pytest.approx(np.sqrt(alone))
     assert of_b.sigmas == pytest.approx(2.0)
     assert (of_b.measure, of_b.measured_sigmas) == ("", None)
+
+
+@pytest.mark.parametrize(("own", "measure"), [(1.4, "k"), (2.2, "")])
+def test_a_measurement_is_proposed_that_makes_an_effect_a_tenth_more_visible(
+    own: float, measure: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 1 + own sigmas², a value as uncertain hides half of the 1: √(2.4/1.9) = 1.12, √(3.2/2.7) = 1.09."""
+    told = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + own, 0.0], [0.0, 0.0, 4.0]]) / np.outer([0.5, 1, 0.5], [0.5, 1, 0.5])
+    robot = laboratory(monkeypatch, lambda _: told, k=0.5)
+    of_a, _ = plan.expected(robot, BOTH, [CandidateRun(30.0, 30.0, 0.0)])
+    assert of_a.sigmas == pytest.approx(np.sqrt(own + 0.5))
+    assert of_a.measure == measure
 
 
 @pytest.mark.parametrize(

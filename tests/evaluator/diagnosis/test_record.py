@@ -13,10 +13,11 @@ import pandas as pd
 import pytest
 
 from evaluator.diagnosis.assessment.disagreeing_runs import RunDisagreement
+from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.likelihood.point import Point
-from evaluator.diagnosis.output import diagnosis_json, effect_tables, effects_json
+from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effect_tables, effects_json
 from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
@@ -261,6 +262,32 @@ def test_a_term_of_some_wheels_is_an_own_effect_whose_coefficient_names_them() -
         (text,) = own_effects(found)
         names.append(tomllib.loads(text)["term"][0]["coefficient"])
     assert names == ["friction_by_one_driven_left_right", "friction_by_abs_u"]
+    mixed = next(name for name, form in free_terms().items() if [bool(item.twin) for item in form.items] == [True] * 2)
+    found.chosen, fit.point.terms = frozenset({mixed}), {mixed: (-0.2, 0.5)}
+    rows = tomllib.loads(own_effects(found)[0])["term"]
+    assert [(row["channel"], row["depends_on"], row["coefficient"]) for row in rows] == [
+        ("left_drive", "left_command", "by_own_command"),
+        ("right_drive", "right_command", "by_own_command"),
+        ("left_drive", "right_command", "by_other_command"),
+        ("right_drive", "left_command", "by_other_command"),
+    ]
+
+
+def test_eight_rivals_are_listed_the_most_probable_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(alternatives_json, "strained", lambda *_: set())
+    sets = tuple(frozenset({f"e{k}"}) for k in range(11))
+    search = SimpleNamespace(fits=dict.fromkeys(sets), null=0, tolerance={}, problem=SimpleNamespace(open_ground=False))
+    standing = Standing(sets, -np.arange(11.0))
+    said = alternatives_json.rivals(diagnosis(standing=standing, chosen=sets[0], search=search))
+    assert [item["effects"] for item in said] == [[f"e{k}"] for k in range(1, 9)]
+
+
+def test_an_error_that_no_fit_moved_is_none() -> None:
+    fit = SimpleNamespace(point=Point(np.zeros((1, 7)), {}))
+    found: Any = SimpleNamespace(fit=fit, session=SimpleNamespace(tolerance={"camera, error 1": 0.02}))
+    assert diagnosis_json._shared(found) == {"camera, error 1": 0.0}
+    found.session.tolerance = {"body.mass_g": 0.05}
+    assert diagnosis_json._shared(found) is None
 
 
 def test_a_nominal_value_of_all_wheels_moves_in_each_of_their_tables() -> None:
