@@ -73,7 +73,7 @@ def test_logs_that_are_late_in_most_runs_are_a_lag_and_none_of_them_is_told(
         for number, run in enumerate(data)
     ]
     monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
-    monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
+    monkeypatch.setattr(belief, "misfit_within_tolerances", lambda *_: np.inf)
     assert kinds(misread_runs(data, [ROBOT] * 4)) == [(f"r{number}", "late-start") for number in range(told)]
 
 

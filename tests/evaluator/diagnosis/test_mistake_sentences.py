@@ -112,7 +112,7 @@ def test_another_rate_is_believed_where_one_rate_fits_most_runs(
         for number, (run, rate) in enumerate(zip(data, rates, strict=True))
     ]
     monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_: judgements)
-    monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
+    monkeypatch.setattr(belief, "misfit_within_tolerances", lambda *_: np.inf)
     assert len(misread_runs(data, [ROBOT] * len(data))) == told
 
 
@@ -132,7 +132,7 @@ def test_a_lag_that_logs_have_in_common_is_no_late_start_of_those_in_which_it_te
         sizes = [9.0, 9.0, 1.0, 1.0, 1.0] + [0.05] * 6
         judgements = [judged(number, odd if number == 1 else 0.1, size) for number, size in enumerate(sizes)]
         monkeypatch.setattr(hypotheses, "_judged_runs", lambda *_, found=judgements: found)
-        monkeypatch.setattr(belief, "is_beyond_tolerances", lambda *_: True)
+        monkeypatch.setattr(belief, "misfit_within_tolerances", lambda *_: np.inf)
         assert [item.run for item in misread_runs(data, [ROBOT] * 11)] == told
 
 

@@ -17,7 +17,7 @@ from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_toler
 from evaluator.diagnosis.mistakes.misread import belief
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import is_beyond_tolerances
-from evaluator.diagnosis.mistakes.misread.hypotheses import _judgements
+from evaluator.diagnosis.mistakes.misread.hypotheses import _judgements, misread_runs
 from evaluator.diagnosis.mistakes.misread.judgement import BETTER
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.settings import KnownTo
@@ -28,14 +28,16 @@ TIRES = load_robot("tire")
 STATED, OTHER = (60.0, 18.0), (30.0, 9.0)
 
 
-def run_of(center_of_gravity_y_mm: float, command: tuple[float, float] = STATED) -> RunData:
-    """Four seconds on tires with a centre of gravity aside, stated as STATED; 0.1 mm is its tolerance."""
+def run_of(
+    center_of_gravity_y_mm: float, command: tuple[float, float] = STATED, stated: tuple[float, float] = STATED
+) -> RunData:
+    """Four seconds on tires with a centre of gravity aside; 0.1 mm is its tolerance."""
     blank = recorded(np.zeros((81, 4)))
     run = replace(blank, time_s=np.linspace(0.0, 4.0, 81), start_s=0.0, left_rpm=command[0], right_rpm=command[1])
     (item,) = (item for item in quantities(KnownTo(), TIRES, [run]) if item.key == "center_of_gravity_y_mm")
     task = Task(0, (0.0,) * PER_RUN, {item.key: center_of_gravity_y_mm / item.per_unit})
     (marks,) = Simulated([TIRES], [run], {}, predicted_sigmas([item])).marks([task])
-    return replace(run, marks_mm=marks, left_rpm=STATED[0], right_rpm=STATED[1])
+    return replace(run, marks_mm=marks, left_rpm=stated[0], right_rpm=stated[1])
 
 
 def is_other_command(run: RunData) -> tuple[bool, bool]:
@@ -49,6 +51,14 @@ def is_other_command(run: RunData) -> tuple[bool, bool]:
 def test_a_turn_that_hangs_on_the_centre_of_gravity_is_no_other_command() -> None:
     assert is_other_command(run_of(-0.15)) == (True, False)
     assert is_other_command(run_of(0.0, OTHER)) == (True, True)
+
+
+def test_exchanged_sides_are_told_though_they_fit_little_better_than_the_file_without_tolerances() -> None:
+    """Of 54 / 90 rpm, with a centre of gravity 0.15 mm aside: 0.55 and 0.78 mm."""
+    good = [run_of(-0.15, command, command) for command in ((90.0, 90.0), (90.0, 76.5), (45.0, 38.2))]
+    runs = [replace(run, id=f"r{k}") for k, run in enumerate([*good, run_of(-0.15, (54.0, 90.0), (90.0, 54.0))])]
+    assert [(item.run, item.kind) for item in misread_runs(runs, [TIRES] * 4)] == [("r3", "sides-swapped")]
+    assert misread_runs(runs[:3], [TIRES] * 3) == []
 
 
 def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -> None:

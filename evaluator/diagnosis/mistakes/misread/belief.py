@@ -8,7 +8,15 @@ import numpy as np
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
-from evaluator.diagnosis.mistakes.misread.judgement import ALIKE, BETTER, FEWEST_SIMILAR, Judgement, speeds_of_sides
+from evaluator.diagnosis.mistakes.misread.judgement import (
+    ALIKE,
+    BETTER,
+    FEWEST_SIMILAR,
+    SAME_SPEEDS,
+    Floats,
+    Judgement,
+    speeds_of_sides,
+)
 from evaluator.diagnosis.mistakes.recognised import MOST, Found
 from simulator.robot import Robot
 
@@ -101,3 +109,23 @@ def is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
     others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
     stated, mistaken = (misfit_within_tolerances(item.ways[k].run, robot) for k in (0, int(np.nanargmin(others))))
     return stated >= BETTER * mistaken
+
+
+def misfits_within_tolerances(
+    judgements: Sequence[Judgement], robots: Sequence[Robot], odd: Sequence[bool]
+) -> list[Floats]:
+    """Misfits of all runs; of odd ones, those of the stated wheel speeds with values of the robot within tolerances.
+
+    Otherwise a right hypothesis fits hardly better than others where such values bend the path. Unchanged if more than
+    half of the runs are odd: that is physics, or a mistake of the session.
+    """
+    if 2 * sum(odd) > len(odd) or any(map(is_full_size, robots)):
+        odd = [False] * len(odd)
+    found = []
+    for item, robot, is_odd in zip(judgements, robots, odd, strict=True):
+        misfits = item.misfits_mm.copy()
+        for k, way in enumerate(item.ways):
+            if is_odd and way.kind in (None, *SAME_SPEEDS):
+                misfits[k] = min(misfits[k], misfit_within_tolerances(way.run, robot))
+        found.append(misfits)
+    return found

@@ -28,11 +28,19 @@ from evaluator.diagnosis.mistakes.misread.belief import (
     beyond_the_others,
     beyond_tolerances,
     late_alike,
+    misfits_within_tolerances,
     one_rate_fits,
     without_regimes,
 )
 from evaluator.diagnosis.mistakes.misread.command_unit import speed_factors
-from evaluator.diagnosis.mistakes.misread.judgement import ALIKE, BETTER, FEWEST_SIMILAR, Judgement, unsigned_speeds
+from evaluator.diagnosis.mistakes.misread.judgement import (
+    ALIKE,
+    BETTER,
+    FEWEST_SIMILAR,
+    SAME_SPEEDS,
+    Judgement,
+    unsigned_speeds,
+)
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from simulator.robot import Robot
 
@@ -41,8 +49,6 @@ Floats = NDArray[np.float64]
 # Misfit of the file, relative to the extent of the path, from which a mistake is looked for. The largest effects of the
 # catalogue with which a robot is usable change a path by about a tenth.
 MISFIT_SHARE = 0.15
-# Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
-SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
 MOST_AT_ONCE = 200  # runs whose hypotheses are simulated together: some 0.4 MB each, 7 MB with a hundred commands
 SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
 
@@ -59,9 +65,10 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
         *(thin, robots),
         lambda k: alternatives(thin[k], commands, None if same else float(ratios[k]), SAME_INTERVAL, factors()[k]),
     )
-    usual = _usual_kinds(judgements)
     least = _least_shares(judgements)
-    judged = (_judged(item, usual, share) for item, share in zip(judgements, least, strict=True))
+    odd = [item.share >= share for item, share in zip(judgements, least, strict=True)]
+    within = misfits_within_tolerances(judgements, robots, odd)
+    judged = map(_judged, judgements, [_usual_kinds(judgements)] * len(data), least, within)
     found = [item for item in judged if item is not None]
     if same and not one_rate_fits(judgements):
         found = [item for item in found if item.kind != "wrong-rate"]
@@ -147,9 +154,11 @@ def _usual_kinds(judgements: Sequence[Judgement]) -> set[Kind]:
     return {kind for kind, count in counts.items() if count > len(judgements) / 2}
 
 
-def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE) -> Found | None:
-    """The mistake that a run fits, if any."""
-    ways, misfits, stated = item.ways, item.misfits_mm, float(item.misfits_mm[0])
+def _judged(
+    item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE, misfits_mm: Floats | None = None
+) -> Found | None:
+    """The mistake that a run fits, if any; misfits_mm: to compare, by default those of the judgement."""
+    ways, stated, misfits = item.ways, float(item.misfits_mm[0]), item.misfits_mm if misfits_mm is None else misfits_mm
     if any(way.kind == "wrong-unit" for way in ways) and not np.isfinite(stated):
         stated = np.inf  # thousands of rpm that no simulation follows
     if np.isnan(stated) or item.share < least_share:
@@ -162,7 +171,7 @@ def _judged(item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE
     if not np.isfinite(misfits[1:]).any():
         return None
     best = float(np.nanmin(misfits[1:]))
-    if stated < BETTER * best:
+    if min(stated, np.nan_to_num(misfits[0], nan=np.inf)) < BETTER * best:
         return None
     as_good = max(ALIKE * best, 0.02 * stated)
     near: dict[Kind, tuple[float, Alternative]] = {}  # the best alternative of each kind, frequent kinds first

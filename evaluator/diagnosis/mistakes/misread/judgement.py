@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.recognised import Kind
 from evaluator.interchange.commands import unsigned_rpm
 
 Floats = NDArray[np.float64]
@@ -18,6 +19,8 @@ ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by o
 # Number of other runs with the same ratio of wheel speeds, on either side and in both directions, with which a smaller
 # misfit is sufficient: a physical effect changes all of these runs, and is excluded if they fit their file.
 FEWEST_SIMILAR = 2
+# Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
+SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
 
 
 @dataclass(frozen=True)
