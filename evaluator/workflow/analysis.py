@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from evaluator.diagnosis.mistakes.recognised import Mistake
 
 
+MOST_NAMED = 5  # runs, or reasons, in a sentence
 # Columns of turning.csv that a notebook shows.
 SHOWN = (
     *("run", "left_rpm", "right_rpm", "radius_mm", "radius_low_mm", "radius_high_mm"),
@@ -247,5 +248,10 @@ def _nothing_left(faults: dict[str, str]) -> str:
     runs_by_reason: dict[str, list[str]] = {}
     for run, fault in faults.items():
         runs_by_reason.setdefault(fault, []).append(run)
-    reasons = "; ".join(f"{', '.join(runs)}: {fault}" for fault, runs in runs_by_reason.items())
-    return f"none of the {len(faults)} runs can be analysed: {reasons}"
+    reasons = [f"{', '.join(_first(runs))}: {fault}" for fault, runs in runs_by_reason.items()]
+    return f"none of the {len(faults)} runs can be analysed: {'; '.join(_first(reasons))}"
+
+
+def _first(items: list[str]) -> list[str]:
+    """A list that fits a sentence: its first items, and how many there are besides."""
+    return items if len(items) <= MOST_NAMED else [*items[: MOST_NAMED - 1], f"{len(items) - MOST_NAMED + 1} others"]

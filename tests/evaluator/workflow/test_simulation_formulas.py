@@ -163,6 +163,10 @@ def test_why_no_run_can_be_analysed_is_told_once_for_each_reason() -> None:
     assert analysis._nothing_left({"a": "a: dark"}) == "a: dark"
     said = analysis._nothing_left({"a": "dark", "b": "short", "c": "dark"})
     assert said == "none of the 3 runs can be analysed: a, c: dark; b: short"
+    said = analysis._nothing_left({f"r{k}": f"{k}.csv" for k in range(10_000)})
+    assert said.endswith("r0: 0.csv; r1: 1.csv; r2: 2.csv; r3: 3.csv; 9996 others")
+    said = analysis._nothing_left({f"r{k}": "dark" for k in range(10_000)})
+    assert said.endswith("r0, r1, r2, r3, 9996 others: dark")
 
 
 def test_an_analysis_shows_its_first_columns_and_how_many_runs_have_no_result() -> None:
