@@ -66,9 +66,9 @@ def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
     return f"{error}; numbers have a decimal point, not a comma" if comma else str(error)
 
 
+MOST_SHOWN = 200  # characters of a value: more than a line of a file
 # Values of the wrong kind in words of the files; pydantic's are those of Python.
 TYPES = "_parsing", "_type", "_from_float"
-MOST_SHOWN = 200  # characters of a value: more than a line of a file
 KINDS = {
     "float": "should be a number",
     "int": "should be a whole number",

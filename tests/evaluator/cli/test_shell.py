@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -110,7 +111,7 @@ def test_the_program_begins_in_a_child_in_itself_or_as_one(monkeypatch: pytest.M
     ("status", "said"),
     [
         (-9, "memory ran out"),
-        (-14, "could not be read within 60 s"),
+        (-27, "could not be read within 20 s"),
         (-11, "crashed (SIGSEGV)"),
         (0xC0000005, "(status 0xc0000005)"),
     ],
@@ -273,3 +274,20 @@ def test_mistakes_are_mended_where_asked(stub: Any) -> None:
     assert run("diagnose", "e.toml", "-q", "--write-mended").stderr == "r1: turned\nm.toml\n"
     assert mended[0][0] == (Path("e.toml"), Path("out"))
     assert run("diagnose", "e.toml", "-q").stderr == ""
+
+
+CLOSED = """
+import os, sys
+from evaluator.cli import _open_closed_streams
+_open_closed_streams()
+assert os.open(os.devnull, os.O_RDONLY) > 2
+print("to nobody", file=sys.stderr)
+print("to nobody", flush=True)
+sys.exit(7)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its shell cannot close a stream")
+def test_a_program_without_standard_streams_writes_its_messages_into_no_file() -> None:
+    line = ("sh", "-c", 'exec "$0" -c "$1" <&- >&- 2>&-', sys.executable, CLOSED)
+    assert subprocess.run(line, check=False).returncode == 7
