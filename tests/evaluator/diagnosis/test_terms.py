@@ -44,14 +44,15 @@ def run_from(place: tuple[float, float], *, from_poses: bool) -> RunData:
     return RunData("r", 30.0, 20.0, 0.0, None, np.arange(3.0), marks, 0, from_poses=from_poses)
 
 
-def test_runs_whose_poses_all_begin_in_one_place_have_no_common_frame_and_measured_marks_always_have() -> None:
-    here, there = (0.0, 1.83), (0.0, 1.8301)
+def test_runs_whose_poses_mostly_begin_in_one_place_have_no_common_frame_and_measured_marks_always_have() -> None:
+    here, there, elsewhere = (0.0, 1.83), (0.0, 1.8301), (0.0, 1.8302)
 
     def share(*places: tuple[float, float], from_poses: bool = True) -> bool:
         return Session(tuple(run_from(place, from_poses=from_poses) for place in places), (), {}).one_frame
 
     assert not share(here, here, here)
-    assert share(here, here, there)
+    assert not share(there, here, here)  # of one the first poses lack
+    assert share(here, here, there, elsewhere)
     assert share(here, here, from_poses=False)
     assert share(here)
 
