@@ -27,7 +27,7 @@ from simulator.simulation import moving_state, simulate
 
 Array = NDArray[np.float64]
 
-LEAST_POSES = 4
+LEAST_POSES = 4  # one more than a parabola needs
 START_SPAN_S = 0.25  # recording that determines the start pose: 15 frames at 60/s reduce the noise to a quarter
 
 STRAIGHT_MM = 1e6  # rounding bends a simulated straight line; this circle deviates by 1 nm over 100 mm of plate

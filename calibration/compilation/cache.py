@@ -31,7 +31,7 @@ IMPORTED = re.compile(
 )
 OLD_S = 60 * 86400.0  # age at which files of a kernel are deleted when it is compiled again
 LONGEST_S = 120.0  # longest wait for a lock on an idle machine, where the largest kernel takes 18 s
-POLLED_S = 0.05
+POLLED_S = 0.05  # between two looks at a lock: far below the seconds of a compilation
 
 
 def keep_on_disk(kernel: Any) -> None:

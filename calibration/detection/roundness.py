@@ -15,7 +15,7 @@ from calibration.detection.dots import Dots
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-ORDERS = (3, 4, 5, 6)
+ORDERS = (3, 4, 5, 6)  # waves around a dot: lower ones are its size, its place and its ellipse
 SAMPLE = 40  # dots
 FEWEST = 12  # dots
 # Largest amplitude of a disc. A square has 0.1 in its fourth order, a hexagon 0.05 in its sixth. Discs rendered with

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-MOST_TERMS = 40
+MOST_TERMS = 40  # all effects of the catalogue at once have 22
 WHEELS = "wheels"  # stands for a number per wheel
 NO_COMMAND = 2
 SIDES = {"left": 0, "right": 1, "none": NO_COMMAND}

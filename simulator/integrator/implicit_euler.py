@@ -20,7 +20,7 @@ from simulator.integrator.workspace import copy
 
 MOST_QUICK, MOST_PATIENT = 10, 60  # iterations
 SMALLEST_QUICK, SMALLEST_PATIENT = 0.2, 1e-9  # share of a Newton step; friction saturates within 1e-6 of the velocity
-LEVER_MM = 2.0
+LEVER_MM = 2.0  # half the track of the paper's robot: a yaw rate counts as the speed at its wheels
 
 
 @compiled()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LEFT_RPM = tuple(range(20, 51, 5))  # Figure 13
 DIFFERENCES_RPM = np.arange(2.5, 36.0, 2.5)  # assumed: the paper does not list them; ratios from 0.1 to 0.7
-RATIO_RANGE = (0.1, 0.7)
+RATIO_RANGE = (0.1, 0.7)  # of slower to faster wheel in Figure 13
 PROTOTYPE_RPM = (14.4, 33.3)  # left, right of Figures 19 to 21
 
 

@@ -20,9 +20,9 @@ from evaluator.diagnosis.inference.search import LARGEST_SET, Search, fit_set
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.progress import Progress
 
-SINGLES_REFITTED = 7
-ADDITIONS_REFITTED = 3
-PAIRS_FROM_NULL = 2
+# How many of the best by screening are fitted in full: single effects, additions to a set, pairs. Screening is linear,
+# so that its best need not be the best of the fits; these fits are most of the time of a search.
+SINGLES_REFITTED, ADDITIONS_REFITTED, PAIRS_FROM_NULL = 7, 3, 2
 WHOLE_CHANGES_REFITTED = 2  # of a threshold between two neighbouring gaps of the commands, where the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one and of two effects that are extended

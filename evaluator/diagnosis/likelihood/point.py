@@ -14,7 +14,7 @@ from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
 
-NOMINAL_STEP = 5e-4
+NOMINAL_STEP = 5e-4  # relative, for differences: a hundredth of a tolerance of 5 %
 NOMINAL_STEPS = {"body": 5e-3}  # larger, because mass has little influence except by inertia
 SHARED_STEP = 0.05 * SHARED_UNIT  # a twentieth of a standard deviation
 STEP_SHARE = 0.2  # of a visible step: with larger steps, curvature would separate effects that equal random effects

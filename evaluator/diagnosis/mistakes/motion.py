@@ -16,8 +16,8 @@ Floats = NDArray[np.float64]
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
 ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated; over so short a path, a chord is as long as the arc
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in its scatter and in mm, that shows motion
-MOVING_FRAMES = 4
-FEWEST_AT_REST = 3
+MOVING_FRAMES = 4  # consecutive frames: one or two may be noise, or wrong marks in succession
+FEWEST_AT_REST = 3  # one wrong frame does not move their median
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
 AROUND_GAP = 15  # frames on either side: a quarter of a second
 GAP_SIGMAS = 8.0  # scatter of a frame: a velocity from 15 frames is extrapolated over a gap of a few times as many
@@ -107,7 +107,6 @@ def onset(run: RunData) -> Onset | None:
     scatter = PER_MEDIAN * max(float(np.median(np.abs(bends))) / 6**0.5, float(np.median(np.abs(off[:rest]))))
     away = np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3]))
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
-    # several consecutive frames: one or two may be noise, or wrong marks in succession
     beyond = away > least
     moving = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(beyond, MOVING_FRAMES).all(axis=1))
     if not len(moving) or moving[0] < rest:

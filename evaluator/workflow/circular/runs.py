@@ -18,8 +18,8 @@ from simulator.steady import steady_turn
 
 CIRCLES = 1.25  # of a run: a full circle after the transient of the start
 LONGEST_S, SHORTEST_S = 60.0, 3.0  # limits of the duration, for manageable recordings that can still be fitted
-LEVELS_RPM = (15.0, 30.0, 45.0, 60.0)
-RATIOS = (0.43, 0.7)
+LEVELS_RPM = (15.0, 30.0, 45.0, 60.0)  # in even steps, for a slope over the lateral acceleration
+RATIOS = (0.43, 0.7)  # a tight turn, that of the paper's Figure 19, and a wide one
 FARTHEST = 1e-3  # relative tolerance of a radius
 
 

@@ -28,7 +28,7 @@ LATE_S = 0.015  # of all starts in the file
 SWAPPED = 3  # index of the run whose sides are exchanged in the file
 NOISE_MM = 0.004  # of a mark's coordinate: 0.06 px at 16 px/mm
 FRICTION, SPEED = 0.01, 0.003  # scatter between runs, relative
-RUN_S, RATE_HZ, START_S = 5.0, 30, 0.3
+RUN_S, RATE_HZ, START_S = 5.0, 30, 0.3  # length of a run, frames a second, motors on
 COMMANDS_RPM = (
     (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3), (33.0, 5.0), (5.0, 33.0), (-33.0, -5.0), (-5.0, -33.0),
     (40.0, 40.0), (-40.0, -40.0), (50.0, 21.6), (-50.0, -21.6),
