@@ -12,6 +12,7 @@ import pytest
 
 from evaluator.diagnosis.design import candidate_runs, plan
 from evaluator.diagnosis.design.candidate_runs import CORNERS, MIDDLE, CandidateRun, Room, commands_at, placed
+from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.point import Column
 from evaluator.robot_geometry import reference_places
@@ -212,6 +213,18 @@ def test_an_effect_is_as_visible_as_its_least_visible_parameter_but_for_those_th
     _, found = plan.expected(robot, terms, [CandidateRun(30.0, 30.0, 0.0)])
     assert found.parameter == shown[0]
     assert found.sigmas == pytest.approx(shown[1])
+
+
+def test_a_laboratory_knows_the_start_to_some_frames_and_what_its_robot_file_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = SimpleNamespace(key="start_common_s", tolerance=0.1)
+    asked: list[Any] = []
+    monkeypatch.setattr(plan, "quantities", lambda usual, *_: asked.append(usual) or (known,))
+    robot: Any = SimpleNamespace(tolerance={"body.mass_g": 0.05})
+    assert plan._laboratory(robot) == ((known,), {"body.mass_g": 0.05, "start_common_s": 0.1})
+    (usual,) = asked
+    assert (60 * usual.start_common_s, 60 * usual.start_per_run_s) == pytest.approx((FRAMES_COMMON, FRAMES_PER_RUN))
 
 
 def test_what_no_others_imitate_is_the_square_less_their_part() -> None:

@@ -1,8 +1,7 @@
-"""Phases of a log, runs of a circular test and lines about tables, in closed form and without files."""
+"""Phases of a log, and runs of a circular test, in closed form and without files."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,14 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.errors import InputError
 from evaluator.interchange.commands import RunCommand
-from evaluator.mark_geometry import MarkGeometry
 from evaluator.turning.clock import CommandDelay
 from evaluator.workflow.circular import runs as circular
 from evaluator.workflow.runs import phases
 from evaluator.workflow.runs.phases import _stretches, rows_of
-from evaluator.workflow.turning_tables import _mm_per_px, _phase_line
 from simulator.command import Command
 
 TIME_S = np.arange(301) / 60
@@ -97,15 +93,6 @@ def turning(monkeypatch: pytest.MonkeyPatch, yaw: float, **said: float) -> None:
     monkeypatch.setattr(circular, "steady_turn", lambda *_: SimpleNamespace(**usual | said))
 
 
-@pytest.mark.parametrize(("yaw", "seconds"), [(1.0, 7.9), (-0.5, 15.7), (9.0, 3.0), (0.01, 60.0)])
-def test_a_run_of_a_circular_test_lasts_a_circle_and_a_quarter(
-    yaw: float, seconds: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    turning(monkeypatch, yaw)
-    robot: Any = None
-    assert circular._run(robot, 20.0, 30.0) == circular.CircularRun(20.0, 30.0, seconds, 8.0, 4.1)
-
-
 def test_simulated_turns_have_their_way_and_slip(monkeypatch: pytest.MonkeyPatch) -> None:
     turning(monkeypatch, -0.5)
     robot: Any = None
@@ -120,21 +107,3 @@ def test_commands_of_a_circular_test_are_of_both_sides_and_both_ways() -> None:
     cells = list(circular._cells([(30.0, 0.43), (15.0, -0.3)]))
     assert cells[:4] == [(12.9, 30.0), (30.0, 12.9), (-12.9, -30.0), (-30.0, -12.9)]
     assert cells[4:] == [(-4.5, 15.0), (15.0, -4.5), (4.5, -15.0), (-15.0, 4.5)]
-
-
-def test_a_phase_is_told_with_what_is_known_of_it() -> None:
-    phase = {"start_s": 0.5, "stop_s": 2.25, "kind": "turn", "turned_deg": 92.6, "speed_mm_s": 4.0512}
-    radius = {"radius_mm": 8.1234, "radius_low_mm": 8.0, "radius_high_mm": 8.25}
-    assert _phase_line({**phase, **radius}) == (
-        "0.50 to 2.25 s: turn, radius 8.12 mm, 95 % from 8.00 to 8.25, 93 degrees, 4.05 mm/s"
-    )
-    unknown = {**phase, "radius_mm": np.nan, "speed_mm_s": np.nan}
-    assert _phase_line(unknown) == "0.50 to 2.25 s: turn, 93 degrees"
-
-
-def test_a_pixel_is_as_large_as_the_distance_of_the_marks_says() -> None:
-    geometry = MarkGeometry({"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}, height_mm=6.5)
-    marks = pd.DataFrame({"green_x_mm": [3.0, np.nan, 99.0], "green_y_mm": 4.0, "yellow_x_mm": 0.0, "yellow_y_mm": 0.0})
-    assert _mm_per_px(Path("a"), marks.iloc[:2], geometry) == pytest.approx(3.66 / 5)
-    with pytest.raises(InputError, match="one position"):
-        _mm_per_px(Path("a"), 0 * marks.iloc[:1], geometry)
