@@ -115,6 +115,28 @@ def test_an_image_is_shown_no_wider_than_asked_for_and_in_eight_bits(tmp_path: P
     whole = cv2.imdecode(np.frombuffer(image_jpeg(tmp_path / "a.png"), np.uint8), cv2.IMREAD_COLOR)
     assert whole is not None
     assert whole.shape[:2] == (30, 60)
+    for depth, grey in ((np.uint16, 25700), (np.uint8, 100)):  # 100/255 of either range, in colour
+        cv2.imwrite(str(tmp_path / "a.png"), np.full((30, 60, 3), grey, depth))
+        shown = cv2.imdecode(np.frombuffer(image_jpeg(tmp_path / "a.png"), np.uint8), cv2.IMREAD_COLOR)
+        assert shown is not None
+        assert np.abs(shown.astype(int) - 100).max() <= 2
+
+
+def test_changed_settings_replace_those_of_a_document_and_leave_the_others() -> None:
+    document: dict[str, Any] = {
+        "format": 1,
+        "mark": {"green": {"color": "green", "diameter_px": 9}, "gone": {}},
+        "old": 1,
+    }
+    kept = document["mark"]["green"]
+    marks._merge(
+        document, {"format": 1, "mark": {"green": {"color": "red", "diameter_px": 9}, "new": {"kind": "light"}}}
+    )
+    assert document == {
+        "format": 1,
+        "mark": {"green": {"color": "red", "diameter_px": 9}, "new": {"kind": "light"}},
+    }
+    assert document["mark"]["green"] is kept  # with the comments of a document
 
 
 def test_a_slider_of_an_effect_reaches_to_either_side_of_none_within_its_bounds() -> None:

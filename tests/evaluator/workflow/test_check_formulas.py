@@ -1,0 +1,119 @@
+"""Which faults of an experiment are told, once each, and when mistakes of its runs are looked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from evaluator.workflow import checks
+from evaluator.workflow.checks import Check, Written, check_experiment
+
+HEAD = 'format = 1\nname = "day"\nrobot = "barrel"\n'
+
+
+def run(name: str, source: str = "marks", end: str = "csv") -> str:
+    return f'\n[[run]]\nid = "{name}"\nleft_rpm = 30.0\nright_rpm = 20.0\n{source} = "{name}.{end}"\n'
+
+
+@pytest.fixture
+def day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """An experiment of two runs; its parts say what they are told to."""
+    said = SimpleNamespace(
+        path=tmp_path / "day.toml", named=[], topics=[], outside=None, sizes=[], mistakes=[], asked=0
+    )
+    said.path.write_text(HEAD + run("a") + run("b"), encoding="utf-8")
+
+    def mistakes(*_: Any) -> list[Any]:
+        said.asked += 1
+        return said.mistakes
+
+    monkeypatch.setattr(checks, "_faults_of_named_files", lambda _: iter(said.named))
+    monkeypatch.setattr(checks, "_faults_of_topics", lambda _: iter(said.topics))
+    monkeypatch.setattr(checks, "_outside", lambda _: said.outside)
+    monkeypatch.setattr(checks, "_faults_of_sizes", lambda _: iter(said.sizes))
+    monkeypatch.setattr(checks, "mistakes_of_marks", mistakes)
+    return said
+
+
+def test_an_experiment_without_faults_is_asked_for_mistakes(day: Any) -> None:
+    day.mistakes = [SimpleNamespace(sentence="a: backward")]
+    assert check_experiment(day.path) == Check((), 2, 0, ("a: backward",))
+
+
+@pytest.mark.parametrize("part", ["named", "topics", "outside", "sizes"])
+def test_each_fault_is_told_once_and_no_mistake_beside_it(part: str, day: Any) -> None:
+    setattr(day, part, "wrong" if part == "outside" else ["wrong"])
+    assert check_experiment(day.path) == Check(("wrong",), 2, 0, ())  # of both runs
+    assert day.asked == 0
+
+
+def test_files_are_read_of_an_experiment_that_cannot_be(day: Any) -> None:
+    day.named, day.topics = ["a.csv: bad"], ["never asked"]
+    day.path.write_text(HEAD + "nonsense = 1\n" + run("a"), encoding="utf-8")
+    found = check_experiment(day.path)
+    assert (len(found.faults), found.faults[1], found.runs) == (2, "a.csv: bad", 0)
+    assert "nonsense" in found.faults[0]
+
+
+def test_every_file_is_checked_once_by_the_check_of_its_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, str]] = []
+
+    def noted(key: str) -> Any:
+        return lambda written, name: asked.append((key, (written.folder / name).name)) or iter(())
+
+    monkeypatch.setattr(checks, "CHECKS", {key: noted(key) for key in checks.CHECKS})
+    path = tmp_path / "day.toml"
+    path.write_text(HEAD + 'camera = "c.json"\n' + run("a") + run("b", "video", "mp4") + run("a"), encoding="utf-8")
+    assert list(checks._faults_of_named_files(path)) == []
+    assert asked == [("robot", "barrel"), ("camera", "c.json"), ("video", "b.mp4"), ("marks", "a.csv")]
+    asked.clear()
+    for text in ("run = 3\n", 'run = ["a"]\n', "{"):
+        path.write_text(text, encoding="utf-8")
+        assert list(checks._faults_of_named_files(path)) == []
+    assert asked == []
+
+
+MARKS = "time_s,{a}_x_mm,{a}_y_mm,{b}_x_mm,{b}_y_mm\n0,1,2,3,4\n0.1,1,2,3,4\n"
+
+
+@pytest.mark.parametrize(
+    ("robot", "text", "said"),
+    [
+        ("barrel", MARKS.format(a="green", b="yellow"), ""),
+        ("gone.toml", MARKS.format(a="green", b="yellow"), ""),  # whatever its marks are
+        ("gone.toml", "time_s,green\n0,1\n0.1,1\n", "mark"),
+        ("barrel", MARKS.format(a="green", b="blue"), "yellow"),
+    ],
+)
+def test_marks_are_read_as_the_analysis_does(robot: str, text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    written = Written(tmp_path / "day.toml", {"robot": robot})
+    faults = list(checks._marks(written, "a.csv"))
+    assert len(faults) == bool(said)
+    assert said in "".join(faults)
+
+
+def test_one_mark_of_two_is_no_pose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluator.interchange.tracks.program_of", lambda _: "plain")
+    shown = {"green": 0, "dust": 0}
+    monkeypatch.setattr("evaluator.interchange.tracks.read_points", lambda *_, **__: (0, shown, "mm"))
+    (tmp_path / "a.csv").write_text("x", encoding="utf-8")
+    written = Written(tmp_path / "day.toml", {"robot": "barrel"})
+    (fault,) = checks._marks(written, "a.csv")
+    assert "holds the green mark alone; a pose needs two" in fault
+    shown["yellow"] = 0
+    assert list(checks._marks(written, "a.csv")) == []
+
+
+def test_images_without_a_clock_are_opened_with_their_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("evaluator.recording.open_recording", lambda path: opened.append(path.name))
+    monkeypatch.setattr("evaluator.recording.has_no_clock", lambda path: path.name == "stack.tif")
+    for name in ("stack.tif", "a.mp4"):
+        (tmp_path / name).write_text("x", encoding="utf-8")
+    for name in ("stack.tif", "a.mp4", "gone.mp4"):
+        list(checks._video(Written(tmp_path / "day.toml", {}), name))
+    assert opened == ["a.mp4", "gone.mp4"]
