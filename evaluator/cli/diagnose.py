@@ -105,6 +105,7 @@ def diagnose(
     if write_effect is not None:
         _write_effect(found, write_effect)
     say_unused(experiments[0], found.content.get("own_effects", {}))
+    say_doubts(experiments[0])
     if as_json:
         click.echo(json.dumps(found.content, indent=2, ensure_ascii=False))
     elif not quiet:
@@ -112,6 +113,15 @@ def diagnose(
     if mend:
         say_mended(experiments[0], out)
     return _left_out(found.content)
+
+
+def say_doubts(experiment: Path) -> None:
+    """Name values of robot files that seem to be in another unit: an effect would make good for them."""
+    from evaluator.settings import load_experiment
+    from evaluator.workflow.checks import doubts_of_robots
+
+    for doubt in doubts_of_robots(load_experiment(experiment)):
+        click.echo(f"mistake? {doubt}", err=True)
 
 
 def say_unused(experiment: Path, tested: Mapping[str, str]) -> None:

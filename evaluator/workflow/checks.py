@@ -79,11 +79,11 @@ def check_experiment(path: Path) -> Check:
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
         found = mistakes_of_marks(experiment, given_marks(experiment))
-        mistakes = (*_doubts_of_robots(experiment), *(item.sentence for item in found))
+        mistakes = (*doubts_of_robots(experiment), *(item.sentence for item in found))
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
 
 
-def _doubts_of_robots(experiment: Experiment) -> Iterator[str]:
+def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
     """Values of robot files that seem to be in another unit, of robots with a body."""
     from evaluator.settings import load_any_robot
     from simulator.robot import Robot

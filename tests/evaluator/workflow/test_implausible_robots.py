@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from evaluator.cli.diagnose import say_doubts
 from evaluator.workflow.checks import check_experiment, implausible_values
 from simulator.robot import load_robot, shipped_robot_text
 
@@ -38,7 +39,9 @@ def test_shipped_robots_are_plausible(name: str) -> None:
     assert list(implausible_values(load_robot(name))) == []
 
 
-def test_check_doubts_a_mass_in_kilograms_with_the_name_of_the_file(tmp_path: Path) -> None:
+def test_check_and_diagnose_doubt_a_mass_in_kilograms_with_the_name_of_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = shipped_robot_text("barrel").replace("mass_g = 0.5", "mass_g = 0.0005")
     (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
     (tmp_path / "m.csv").write_text("time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm\n0,0,1,0,-1\n1,0,1,0,-1\n")
@@ -48,3 +51,5 @@ def test_check_doubts_a_mass_in_kilograms_with_the_name_of_the_file(tmp_path: Pa
     found = check_experiment(path)
     assert found.faults == ()
     assert "robot.toml: 0.0005 g in a box of 5 x 9 x 6.5 mm are 1.7 kg/m3" in found.mistakes[0]
+    say_doubts(path)
+    assert capsys.readouterr().err.startswith(f"mistake? {tmp_path / 'robot.toml'}: 0.0005 g in a box")
