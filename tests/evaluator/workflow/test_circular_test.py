@@ -65,8 +65,10 @@ def test_a_constant_radius_is_kept_at_all_speeds() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"rpm": (20.0, 40.0)}, "three speeds"),
-        ({"ratios": (1.0,)}, "between -1 and 1"),
+        *(({"rpm": rpm}, "three speeds") for rpm in ((20.0, 40.0), (20.0, 20.0, 40.0), (0.0, 20.0, 40.0))),
+        ({"rpm": (20.0, 40.0, np.inf)}, "three speeds"),
+        *(({"ratios": ratios}, "between -1 and 1") for ratios in ((1.0,), (-1.0, 0.5), ())),
+        ({"radius_mm": np.inf}, "is none"),
         ({"radius_mm": 1.0}, r"does not turn with a radius of 1 mm .* 2\.828 mm or more"),
         ({"radius_mm": -1.0}, "is none"),
     ],

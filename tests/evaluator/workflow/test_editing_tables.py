@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from evaluator.errors import InputError
-from evaluator.workflow.editing import experiments, robots, unfinished, values
+from evaluator.workflow.editing import documents, experiments, robots, unfinished, values
 from evaluator.workflow.editing.documents import version_of
 from evaluator.workflow.editing.experiments import Edit, Fault, edit_experiment, new_table, read_experiment, run_id
 from simulator.robot import shipped_robot_text
@@ -107,6 +107,13 @@ def test_a_new_table_has_a_run_for_every_recording_and_the_hints_of_the_template
     path = written(tmp_path, HEAD + RUN)
     new_table(path, "none", "barrel", [])
     assert "run" not in tomllib.loads(path.read_text())
+
+
+@pytest.mark.parametrize(
+    ("text", "ending"), [("a = 1\n\n# said\n", "\n# said\n"), ("a = 1", ""), ("# a\n", "# a\n"), ("", "")]
+)
+def test_comments_and_blank_lines_at_the_end_of_a_file_are_its_ending(text: str, ending: str) -> None:
+    assert documents._without_ending(text) == (text.removesuffix(ending), ending)
 
 
 def test_a_run_is_shown_before_it_is_complete(tmp_path: Path) -> None:

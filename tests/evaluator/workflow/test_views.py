@@ -217,6 +217,28 @@ def test_tables_are_pooled_where_they_are_repetitions_of_one_turn() -> None:
     assert turning_tables.together([{"run": "a"}, {"run": "b"}]) == ""
 
 
+def test_columns_of_our_own_tables_are_kept_and_others_are_made_from_the_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program, path = ["turnscope"], tmp_path / "a.csv"
+    path.write_text("time_s,a_x_mm,a_y_mm,a_status\n0,1,2,ok\n0.1,1,2,ok\n", encoding="utf-8")
+    monkeypatch.setattr("evaluator.interchange.tracks.program_of", lambda _: program[0])
+    points = {"a": np.full((2, 2), 7.0)}
+
+    def made(**more: Any) -> pd.DataFrame:
+        request: Any = SimpleNamespace(tracks=SimpleNamespace(**{"unit": None, **more}))
+        return turning_tables._table(path, np.array([0.0, 0.1]), points, request)
+
+    assert "a_status" in made()
+    assert "a_status" in made(unit="mm")
+    assert made(unit="cm")["a_x_mm"].tolist() == [7.0, 7.0]
+    points["b"] = points["a"]
+    assert list(made()) == ["time_s", "a_x_mm", "a_y_mm", "b_x_mm", "b_y_mm"]
+    points.pop("b")
+    program[0] = "plain"
+    assert "a_status" not in made()
+
+
 def test_marks_alone_have_paths_of_their_own_and_equal_columns_are_told() -> None:
     time = np.arange(60) / 10
     circle = np.stack([10 * np.cos(time), 10 * np.sin(time)], axis=1)
