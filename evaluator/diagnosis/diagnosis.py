@@ -40,7 +40,20 @@ def diagnose(
     again.
     """
     with Cores(cores) as each:
-        return _on_all_but_sole_runs(session, Watch(progress, seconds, each), fits)
+        return _with_next_runs(_on_all_but_sole_runs(session, Watch(progress, seconds, each), fits), progress)
+
+
+def _with_next_runs(found: Diagnosis, progress: Progress) -> Diagnosis:
+    """The final diagnosis with the runs to record next, which take as long as a dozen fits.
+
+    They are no part of the search and are not stopped by its time limit.
+    """
+    if found.search is None or found.standing is None:
+        return found
+    progress("what to record next", 0.98)
+    apart = found.separation or {}
+    runs = best_next_runs(found.search, found.chosen, found.standing, apart, found.session.known)
+    return replace(found, next_runs=runs)
 
 
 def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:
@@ -157,7 +170,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)
     said = answer(everything, session, free)
-    progress("where and what next", 0.95)
+    progress("where they disagree", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
     found = Diagnosis(
         verdict=said.verdict,
@@ -174,7 +187,6 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         separation=apart,
         leftover=said.leftover,
         terms=ready.terms,
-        next_runs=best_next_runs(everything, said.chosen, said.standing, apart, session.known),
         constancy=said.constancy,
         changes=said.changes,
         negligible=said.negligible,

@@ -46,7 +46,7 @@ def friction_change(left: Adequacy, runs: Sequence[int], data: Sequence[RunData]
     seen = share > LEAST_SHARE
     steps = (order >= begin for begin in order[seen][FEWEST_BESIDE_STEP : 1 - FEWEST_BESIDE_STEP])
     asked = [dependence(effects, share, course[:, None])[0] for course in (order, *steps)]
-    if not len(asked) * np.nanmin(asked, initial=1.0) < UNLIKE:  # Bonferroni
+    if not len(asked) * np.nanmin([1.0, *asked]) < UNLIKE:  # Bonferroni; NaN for too few runs
         return None
     order, values, which = order[seen], effects[seen] / share[seen], np.asarray(runs)[seen]
     weights = np.sqrt(share[seen])
