@@ -11,6 +11,8 @@ from calibration.camera import Camera
 from evaluator.report.runs import RunView, column
 from evaluator.report.style import BLUE, INK, SOFT, VERMILLION, Figure, drawing
 
+MOST_RUNS = 40  # rows of a figure that fits a screen
+
 
 def scale_check(runs: Sequence[RunView]) -> Figure | None:
     """Measured over nominal distance of the marks, run by run."""
@@ -37,16 +39,19 @@ def scale_check(runs: Sequence[RunView]) -> Figure | None:
 
 
 def lost_frames(runs: Sequence[RunView]) -> Figure | None:
-    """Times without a pose; None if every frame has one."""
-    lost = [(run, run.poses["time_s"][run.poses["x_mm"].isna()].to_numpy()) for run in runs]
-    lost = [(run, times) for run, times in lost if len(times)]
-    if not lost:
+    """Times without a pose, of the runs that have most of them; None if every frame has one."""
+    found = [(run, run.poses["time_s"][run.poses["x_mm"].isna()].to_numpy()) for run in runs]
+    found = [(run, times) for run, times in found if len(times)]
+    if not found:
         return None
+    worst = sorted(range(len(found)), key=lambda k: -len(found[k][1]))[:MOST_RUNS]
+    lost = [found[k] for k in sorted(worst)]
     with drawing("lost-frames", height=1.0 + 0.24 * len(lost)) as canvas:
         (axes,) = canvas.axes
         for row, (run, times) in enumerate(lost):
             axes.hlines(-row, 0, run.poses["time_s"].iloc[-1], color=SOFT, lw=0.8)
-            axes.plot(times, np.full(len(times), -row), color=VERMILLION, marker="|", ls="none", ms=8)
+            strokes = np.repeat(times, 3), np.tile([-row - 0.3, -row + 0.3, np.nan], len(times))
+            axes.plot(*strokes, color=VERMILLION, lw=1.0, marker="", solid_capstyle="butt")  # one line, not thousands
         axes.set_yticks(-np.arange(len(lost)), [run.id for run, _ in lost])
         axes.set_ylim(-len(lost) + 0.4, 0.6)
         axes.grid(visible=False, axis="y")
@@ -56,7 +61,8 @@ def lost_frames(runs: Sequence[RunView]) -> Figure | None:
         "lost-frames",
         "Frames without a pose",
         "Each stroke is a frame in which a mark was not found or was rejected; the data give each reason. Strokes at "
-        "one position on the plate suggest glare or the edge of the image.",
+        "one position on the plate suggest glare or the edge of the image."
+        + (f" Of {len(found)} runs these {len(lost)} lost most frames." if len(found) > len(lost) else ""),
         (canvas.svg,),
         pd.DataFrame(rows, columns=["run", "time_s", "reason"]),
     )

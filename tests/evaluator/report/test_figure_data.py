@@ -71,6 +71,11 @@ def test_frames_without_a_pose_have_their_time_and_reason(monkeypatch: pytest.Mo
     assert found.data.to_numpy().tolist() == [["a", 0.5, "lost 1"], ["a", 1.5, "lost 3"], ["c", 0.0, "lost 0"]]
     assert axes[0].hlines.call_args_list[0].args == (0, 0, 1.5)
     assert quality.lost_frames([seen("b", [1.0, 2.0])]) is None
+    many = [seen(f"r{k}", [nan, nan if k % 20 == 19 else 1.0]) for k in range(1000)]
+    found = quality.lost_frames(many)
+    assert found is not None
+    assert list(dict.fromkeys(found.data["run"])) == [f"r{k}" for k in range(19, 800, 20)]
+    assert found.caption.endswith("Of 1000 runs these 40 lost most frames.")
 
 
 def test_distance_of_the_marks_is_drawn_in_percent_with_its_interval(monkeypatch: pytest.MonkeyPatch) -> None:

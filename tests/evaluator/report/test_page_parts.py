@@ -219,7 +219,9 @@ def test_lost_frames_are_strokes_in_the_row_of_their_run(monkeypatch: pytest.Mon
     runs = [replace(seen(turned(name, 9.0)), poses=poses) for name in "ab"]
     assert quality.lost_frames(runs) is not None
     assert [call.args for call in axes[0].hlines.call_args_list] == [(0, 0, 1.0), (-1, 0, 1.0)]
-    assert lines(axes[0]) == [([0.0, 1.0], [0.0, 0.0]), ([0.0, 1.0], [-1.0, -1.0])]
+    times, heights = np.transpose([call.args for call in axes[0].plot.call_args_list], (1, 0, 2))
+    np.testing.assert_allclose(times, [[0.0] * 3 + [1.0] * 3] * 2)
+    np.testing.assert_allclose(heights, [[-0.3, 0.3, nan] * 2, [-1.3, -0.7, nan] * 2])
     assert axes[0].set_yticks.call_args.args[0].tolist() == [0, -1]
     assert axes[0].set_ylim.call_args.args == (-1.6, 0.6)
 
