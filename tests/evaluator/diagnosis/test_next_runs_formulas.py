@@ -49,11 +49,15 @@ def test_a_hypothetical_run_rests_for_half_a_second_and_begins_where_it_is_place
     assert [(run.left_rpm, run.right_rpm, run.start_s, run.order) for run in problem.data] == [
         (30.0, 20.0, 0.5, 4), (10.0, 10.0, 0.5, 5), (10.0, 10.0, 0.5, 6),
     ]  # fmt: skip
-    for run, time in zip(problem.data, times, strict=True):
+    for number, (run, time) in enumerate(zip(problem.data, times, strict=True)):
         np.testing.assert_allclose(run.time_s, time)
+        assert run.marks_mm[-1].tolist() == [0.0, 1.0 + number, 0.0, -1.0 - number]  # as predicted
     assert at.per_run.tolist() == [[1.0, 2.0, np.pi / 2, 0, 0, 0, 0], [0.0] * 7, [0.0] * 7]
     assert (at.nominal, tasks[0].nominal) == ({"body.mass_g": 0.1},) * 2
     assert problem.half_distance_mm == 1.0  # of most frames
+    forward = problem.forward
+    assert isinstance(forward, Simulated)
+    assert (forward.start_sigma_s, forward.known) == (0.0, {})
 
 
 def problem_of(runs: list[Linearized | None]) -> Any:

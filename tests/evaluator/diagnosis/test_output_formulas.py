@@ -155,7 +155,7 @@ def test_a_disagreement_has_the_length_of_its_sizes_and_its_significance_after_t
     found: Any = SimpleNamespace(where=(item,), left=(after,))
     (said,) = diagnosis_json._where(found, apart)
     assert (said["size"], said["unit"], said["sigmas"], said["after_sigmas"]) == (5.0, "deg/s", 9.0, 1.5)
-    assert (said["quantity"], said["runs"]) == ("yaw_rate", ["r1"])
+    assert (said["quantity"], said["runs"], said["parity"]) == ("yaw_rate", ["r1"], None)
 
 
 def test_pieces_carry_what_is_left_and_whether_they_were_held_out() -> None:

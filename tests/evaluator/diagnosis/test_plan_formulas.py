@@ -234,6 +234,16 @@ def test_what_no_others_imitate_is_the_square_less_their_part() -> None:
     assert plan._left_over(np.array([[4.0, 6.0], [6.0, 9.0]]), 0, [1]) == pytest.approx(0.0, abs=1e-6)
 
 
+def test_an_attraction_is_told_by_its_size_at_four_of_its_places() -> None:
+    coordinates = tuple(Coordinate(name, 0.0, 0.1) for name in ("size", "x_mm"))
+    places = tuple((0.0, float(k)) for k in range(8))
+    pull = Candidate("pull", coordinates, lambda values: {"size": values[0]}, starts=places)
+    found = plan._columns({"pull": pull, "band": effect("band", stepwise=True), "a": effect("a")})
+    assert [(column.key, column.coordinate, column.start) for column in found] == [
+        *(("pull", 0, place) for place in places[::2]), ("a", 0, None),
+    ]  # fmt: skip
+
+
 def test_a_size_is_stated_as_the_parameter_that_its_coordinate_is_or_the_size_of_its_components() -> None:
     plain = Coordinate("factor", 1.0, 0.01)
     scale = Candidate("scale", (plain,), lambda values: {"factor": values[0]})
