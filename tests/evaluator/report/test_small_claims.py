@@ -1,0 +1,73 @@
+"""Digits of an estimate, mistakes before results, axes of the plate in an image, the path of a single mark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from calibration.camera import camera_above
+from evaluator.report.figures.calibration import plate_axes_px
+from evaluator.report.numbers import UNKNOWN, _estimate
+from evaluator.report.runs import RunView
+from evaluator.report.summary import mistakes_first
+from evaluator.workflow.results.outputs import Outputs
+
+
+@pytest.mark.parametrize(
+    ("half", "text"),
+    [
+        (0.0123, "1.235 (1.222 to 1.247)"),  # two digits of half an interval
+        (0.123, "1.23 (1.11 to 1.36)"),
+        (30.0, "1 (−29 to 31)"),
+        (0.0, "1.235 (1.235 to 1.235)"),
+        (np.inf, UNKNOWN),
+    ],
+)
+def test_an_estimate_has_the_digits_that_half_its_interval_bears(half: float, text: str) -> None:
+    item: Any = SimpleNamespace(value=1.2346, low=1.2346 - half, high=1.2346 + half)
+    assert _estimate(item).replace("-", "−") == text
+
+
+def test_runs_with_mistakes_are_left_out_by_name_where_there_are_any() -> None:
+    runs = [SimpleNamespace(id=name) for name in "abc"]
+    analysis: Any = SimpleNamespace(
+        mistakes=(SimpleNamespace(sentence="it drives backward"),), excluded_runs={"c", "b"}
+    )
+    analysis.experiment = SimpleNamespace(run=runs)
+    assert mistakes_first(analysis) == [
+        "It drives backward.",
+        "Left out of all results below until this is corrected: b, c.",
+    ]
+    analysis.excluded_runs = set()
+    assert mistakes_first(analysis) == ["It drives backward."]
+
+
+@pytest.mark.parametrize(("aside_mm", "inside"), [(0.0, True), (40.0, False)])
+def test_axes_of_the_plate_begin_at_its_origin_if_that_is_in_view_and_else_at_the_middle(
+    aside_mm: float, *, inside: bool
+) -> None:
+    camera = camera_above(size_px=(700, 490), focal_px=1400.0, distance_mm=140.0)  # 10 px a millimetre
+    moved = SimpleNamespace(
+        size_px=camera.size_px,
+        image_from_plate=lambda points: camera.image_from_plate(np.asarray(points, float) - [aside_mm, 0.0, 0.0]),
+        plate_from_image=lambda points, height: camera.plate_from_image(points, height) + np.array([aside_mm, 0.0]),
+    )
+    ends: Any = plate_axes_px(moved)  # type: ignore[arg-type]
+    origin, middle = moved.image_from_plate([0.0, 0.0, 0.0]), np.array(camera.size_px) / 2
+    np.testing.assert_allclose(ends[:, 0], [origin if inside else middle] * 2, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 70.0, rtol=1e-6)
+    assert abs(np.dot(ends[0, 1] - ends[0, 0], ends[1, 1] - ends[1, 0])) < 1e-6
+
+
+def test_a_robot_of_one_mark_is_simulated_along_the_path_of_this_mark(tmp_path: Path) -> None:
+    outputs = Outputs(tmp_path)
+    outputs.simulated("a").parent.mkdir(parents=True)
+    poses = pd.DataFrame({"time_s": [0.0, 1.0], "x_mm": [1.0, 1.0], "y_mm": [2.0, 2.0], "heading_deg": [0.0, 90.0]})
+    poses.to_csv(outputs.simulated("a"), index=False)
+    run = RunView("a", "", {"left_rpm": 1.0, "right_rpm": 1.0}, {}, outputs, only_mark=("green", (3.0, 0.5)))
+    assert run.simulated[["x_mm", "y_mm"]].to_numpy() == pytest.approx(np.array([[4.0, 2.5], [0.5, 5.0]]))
