@@ -13,7 +13,7 @@ import pytest
 from calibration.camera import camera_above
 from evaluator.report.figures.calibration import plate_axes_px
 from evaluator.report.numbers import UNKNOWN, _estimate
-from evaluator.report.runs import RunView
+from evaluator.report.runs import STRAIGHT_DEG, RunView
 from evaluator.report.summary import mistakes_first
 from evaluator.workflow.results.outputs import Outputs
 
@@ -71,3 +71,22 @@ def test_a_robot_of_one_mark_is_simulated_along_the_path_of_this_mark(tmp_path: 
     poses.to_csv(outputs.simulated("a"), index=False)
     run = RunView("a", "", {"left_rpm": 1.0, "right_rpm": 1.0}, {}, outputs, only_mark=("green", (3.0, 0.5)))
     assert run.simulated[["x_mm", "y_mm"]].to_numpy() == pytest.approx(np.array([[4.0, 2.5], [0.5, 5.0]]))
+
+
+@pytest.mark.parametrize(
+    ("rpm", "turned", "radius", "claims"),
+    [
+        ((30.0, 30.0), 0.1, np.nan, (True, False, False)),
+        ((-30.0, -30.0), 0.1, np.nan, (True, True, False)),
+        ((30.0, 14.4), 90.0, 8.0, (False, False, True)),
+        ((-30.0, 14.4), -90.0, 8.0, (False, True, True)),
+        ((30.0, 14.4), STRAIGHT_DEG, 800.0, (False, False, False)),
+        ((30.0, 14.4), 90.0, np.nan, (False, False, False)),
+    ],
+)
+def test_a_run_is_straight_by_its_command_and_a_turn_by_what_was_measured(
+    rpm: tuple[float, float], turned: float, radius: float, claims: tuple[bool, bool, bool]
+) -> None:
+    row = {"left_rpm": rpm[0], "right_rpm": rpm[1], "turned_deg": turned, "radius_mm": radius}
+    run = RunView("a", "", row, {}, Outputs(Path()))
+    assert (run.straight, run.backward, run.turns) == claims
