@@ -29,6 +29,7 @@ def answer(folder: str = "out", *, anew: bool = True, **more: Any) -> DiagnosisR
 
 
 def test_a_diagnosis_is_printed_with_its_file_and_runs_left_out_give_status_1(stub: Any) -> None:
+    stub("evaluator.cli.diagnose.say_doubts")  # there is no file
     called: Called = stub("evaluator.workflow.diagnose", answer())
     done = run("diagnose", "e.toml")
     assert done.return_value == 0
@@ -48,6 +49,7 @@ def test_a_diagnosis_is_printed_with_its_file_and_runs_left_out_give_status_1(st
 
 
 def test_a_free_form_term_is_offered_and_written_under_the_name_of_its_file(stub: Any, tmp_path: Path) -> None:
+    stub("evaluator.cli.diagnose.say_doubts")  # there is no file
     called: Called = stub("evaluator.workflow.diagnose", answer(str(tmp_path), verdict="unknown"))
     forms = Outputs(tmp_path).own_effects
     forms[0].write_text('format = 1\nid = "old-one"\nname = "x"\n')
