@@ -67,9 +67,11 @@ def track(
     if wanted.twins:
         _put_in_order(time_s, [(numbers[name], status[name]) for name in wanted.twins])
     corners = {name: parts[1:] for name, parts in watched.parts.items()}
-    unlike = bool(wanted.pair) and not tracker.second_look.plausible
+    moved = tracker.camera.path(time_s) if wanted.pair and not tracker.second_look.plausible else None
     shutter = RollingShutter(wanted.readout_ms / 1000.0, height_px) if wanted.readout_ms else None
-    refine(time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners, unlike=unlike, shutter=shutter)
+    refine(
+        time_s, kinds, numbers, status, tracker.followers, wanted.rigid, corners, background_px=moved, shutter=shutter
+    )
     return to_table(frames, time_s, numbers, status)
 
 

@@ -18,6 +18,7 @@ from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import TOLERANCE
+from evaluator.tracking.observation import OK, Sighting
 from evaluator.tracking.settings import TrackingSettings
 
 Pair = dict[str, Candidate]
@@ -91,6 +92,14 @@ def at_place_of(
         return False
     way = math.dist(place, follower.position or place)
     return math.dist(one.center_px, place) < nearby * max(one.radius_px, 1.0) + way
+
+
+def covers(known: Follower | BlobFollower, measured: Sighting, blob: Candidate, time_s: float) -> bool:
+    """Whether a blob is a followed mark, as measured in the frame of the blob, or else as predicted."""
+    if measured.status != OK:
+        return at_place_of(blob, known, time_s, WITHIN)
+    # A prediction allows for the motion in a frame, within which a fast mark's partner lies.
+    return math.dist(measured[:2], blob.center_px) < WITHIN * max(blob.radius_px, 1.0)
 
 
 def beside_partner(found: Reading, settings: TrackingSettings, followers: Followers, time_s: float) -> Pair:

@@ -8,6 +8,7 @@ import numpy as np
 
 from evaluator.errors import InputError
 from evaluator.recording import Frame
+from evaluator.tracking.camera_motion import CameraMotion
 from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of
 from evaluator.tracking.detection.color_map import allowed_cells, cell_of, neutral_of
 from evaluator.tracking.detection.find import Reading, find_marks
@@ -20,16 +21,8 @@ from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
 from evaluator.tracking.following.lessons import LEARNING_FRAMES, Lessons
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
-from evaluator.tracking.following.second_look import WITHIN, SecondLook, at_place_of, beside_partner
-from evaluator.tracking.following.shape import (
-    OBLONG,
-    Held,
-    Starts,
-    choose_shapes,
-    learn_anew,
-    measure_anew,
-    resized,
-)
+from evaluator.tracking.following.second_look import SecondLook, at_place_of, beside_partner, covers
+from evaluator.tracking.following.shape import OBLONG, Held, Starts, choose_shapes, learn_anew, measure_anew, resized
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import shaped_as
 from evaluator.tracking.refinement.learn_shape import finished
@@ -66,7 +59,7 @@ class Tracker:
         self._waited, self._source = 0, "the recording"
         self.body, self._rivals, self._light, self._dimmed = Body(), Rivals(), 0.0, 1.0
         self._lessons = Lessons()
-        self.second_look = SecondLook()
+        self.second_look, self.camera = SecondLook(), CameraMotion()
         self.began: dict[str, int] = {}  # index of the first frame of the mark; before it another object was followed
 
     def run(self, recording: Iterable[Frame]) -> Iterator[tuple[Frame, list[Sighting]]]:
@@ -119,6 +112,8 @@ class Tracker:
         elif not frame.index & LIGHT_MASK:
             self._light = mean_light(frame)
         self._note_distance(sightings)
+        if self.settings.pair and not self.second_look.plausible:
+            self.camera.note(frame, [(*f.position, f.radius_px) for f in followers.values() if f.position is not None])
         if self._lessons and self._lessons.go_on():
             agree(followers, self.settings.pair, Follower.take_shape)
         for name, one in zip(self.names, sightings, strict=True):
@@ -266,7 +261,8 @@ class Tracker:
         if self.settings.pair and len(chosen) == len(self.settings.pair):
             self.second_look.note(chosen, self.settings)
         for name, candidate in chosen.items():
-            if any(at_place_of(candidate, known, frame.time_s, WITHIN) for known in self.followers.values()):
+            now = ((known, self._followed(known, frame, frame.time_s)) for known in self.followers.values())
+            if any(covers(known, one, candidate, frame.time_s) for known, one in now):
                 continue  # two marks are never at one position
             others = [other.chroma_uv for key, other in chosen.items() if key != name]
             others += [tuple(known.color[:2] + known.color[2:4]) for known in self.followers.values()]

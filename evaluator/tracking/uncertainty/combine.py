@@ -44,14 +44,15 @@ def refine(
     body: Sequence[str] = (),
     tags: Mapping[str, Sequence[str]] = MappingProxyType({}),
     *,
-    unlike: bool = False,
+    background_px: Array | None = None,
     shutter: RollingShutter | None = None,
 ) -> None:
     """Correct centres, complete variances and remove marks at a wrong distance, in place.
 
     kinds: of the frames. numbers: per mark (n, 5) of x, y, their variances and covariance, px and px², NaN if absent.
-    status: per mark, of every frame. body: marks on one rigid body. tags: the corners of each. unlike: whether no pair
-    ever looked like the marks of a robot, so that only motion can confirm them. shutter: a rolling one, corrected for.
+    status: per mark, of every frame. body: marks on one rigid body. tags: the corners of each. background_px:
+    displacement of the background (n, 2) if no pair ever looked like the marks of a robot, so that only motion against
+    it can confirm them. shutter: a rolling one, corrected for.
     """
     kind, times, time_s = np.array(list(kinds), dtype=str), time_s, steady_times(time_s)
     again = dict(zip(numbers, repeated_frames([values[:, :2] for values in numbers.values()]), strict=True))
@@ -59,7 +60,9 @@ def refine(
         take_out(numbers[name], status[name], shown, REPEATED)
     place_at_frame_time(times, numbers, shutter)
     _take_out_impossible(time_s, numbers, status, followers, body)
-    if unlike and not any(travels(numbers[name][:, :2], followers[name].radius_px) for name in followers):
+    if background_px is not None and not any(
+        travels(numbers[name][:, :2] - background_px, follower.radius_px) for name, follower in followers.items()
+    ):
         for name, values in numbers.items():
             take_out(values, status[name], np.isfinite(values[:, 0]), UNLIKE)
     together = [name for name in numbers if name in body]

@@ -147,14 +147,15 @@ def test_repeated_frames_are_taken_out_and_have_no_course(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("unlike", "places", "taken"), [(True, REST, True), (True, circle(), False), (False, REST, False)]
+    ("background", "places", "taken"),
+    [(0 * REST, REST, True), (0 * REST, circle(), False), (None, REST, False), (circle() - REST, circle(), True)],
 )
-def test_marks_that_never_looked_like_a_robots_have_to_travel(
-    unlike: bool, places: np.ndarray, taken: bool, monkeypatch: pytest.MonkeyPatch
+def test_marks_that_never_looked_like_a_robots_have_to_travel_against_the_background(
+    background: np.ndarray | None, places: np.ndarray, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only(monkeypatch)
     numbers = {"green": numbers_of(places)}
-    status = refined(numbers, {"green": Disc()}, unlike=unlike)["green"]
+    status = refined(numbers, {"green": Disc()}, background_px=background)["green"]
     assert set(status) == ({UNLIKE} if taken else {OK})
 
 

@@ -15,9 +15,9 @@ from evaluator.tracking import TrackingSettings, track
 from evaluator.tracking.detection.find import Reading
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following import second_look, tracker
-from evaluator.tracking.following.second_look import WITHIN, SecondLook, at_place_of, beside_partner
+from evaluator.tracking.following.second_look import WITHIN, SecondLook, at_place_of, beside_partner, covers
 from evaluator.tracking.following.tracker import Tracker
-from evaluator.tracking.observation import MISTAKEN, Sighting
+from evaluator.tracking.observation import ABSENT, MISTAKEN, OK, Sighting
 from tests.evaluator.tracking.plain_video import (
     GREEN,
     YELLOW,
@@ -168,6 +168,15 @@ def test_a_mark_that_touches_another_is_not_at_its_place_within_one_radius() -> 
     blob: Any = SimpleNamespace(center_px=(10.0, 15.0), radius_px=4.0)
     assert at_place_of(blob, follower, 0.0)
     assert not at_place_of(blob, follower, 0.0, WITHIN)
+
+
+def test_partner_of_a_mark_that_moves_by_their_distance_in_a_frame_is_another_mark() -> None:
+    """The predicted position errs by the motion in a frame at most; the measured one does not."""
+    follower: Any = SimpleNamespace(position=(0.0, 0.0), predicted=lambda _time: (40.0, 0.0))
+    partner: Any = SimpleNamespace(center_px=(38.0, 25.0), radius_px=6.0)
+    assert not covers(follower, Sighting(38.0, 0.0, 0.01, 0.01, 0.0, OK), partner, 0.0)
+    assert covers(follower, Sighting(38.0, 22.0, 0.01, 0.01, 0.0, OK), partner, 0.0)
+    assert covers(follower, ABSENT["not seen"], partner, 0.0)
 
 
 def test_the_other_mark_of_a_robot_is_sought_beside_the_one_that_is_followed() -> None:

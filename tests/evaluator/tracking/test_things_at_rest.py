@@ -43,6 +43,19 @@ def test_things_of_which_none_moves_and_that_look_like_no_pair_are_no_marks(tmp_
         track_recording(tmp_path / "clip.mp4")
 
 
+@pytest.mark.parametrize("hand_px", [0.0, 1.0])
+def test_things_before_a_camera_that_pans_are_no_marks(hand_px: float, tmp_path: Path) -> None:
+    """Pans by 2.5 px a frame, and by hand_px more or less in each."""
+    rng = np.random.default_rng(11)
+    floor = texture(rng, (480, 240))
+    paint(floor, ellipse(9, 9), (190, 110), 0.3, GREEN)
+    paint(floor, ellipse(30, 16), (290, 120), 1.2, YELLOW)
+    at = 2.5 * np.arange(2 * FRAMES) + hand_px * rng.normal(size=2 * FRAMES)
+    frames = [finished(rng, floor[:, round(x) : round(x) + 320]) for x in np.clip(at, 0, 160)]
+    clip = Clip(frames, {name: np.full((2 * FRAMES, 2), np.nan) for name in ("green", "yellow")}, 5.0)
+    assert wrong(clip, tmp_path)[0] == 0
+
+
 def test_a_user_who_says_where_each_mark_is_vouches_for_it(tmp_path: Path) -> None:
     regions = {"green": {"region_px": [70, 90, 110, 130]}, "yellow": {"region_px": [170, 90, 230, 150]}}
     found, _ = wrong(things((9, 9), (30, 16)), tmp_path, TrackingSettings.model_validate({"mark": regions}))

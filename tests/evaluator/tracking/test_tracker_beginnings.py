@@ -11,7 +11,7 @@ import pytest
 from evaluator.tracking.detection.find import Reading
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following import tracker as module
-from evaluator.tracking.observation import Sighting
+from evaluator.tracking.observation import ABSENT, Sighting
 from tests.evaluator.tracking.test_tracker_choices import Disc, at, following, frame, paired
 
 GREEN = Candidate("green", (50.0, 40.0), 5.0, 1.2, 80.0, (90.0, 90.0))
@@ -165,6 +165,7 @@ def test_marks_begin_with_the_colours_of_all_others_and_at_no_place_of_another(m
         ("yellow", YELLOW, (YELLOW, [GREEN.chroma_uv], (128.0, 128.25))),
     ]
     begun.clear()
+    monkeypatch.setattr(one, "_followed", lambda *_: ABSENT["not seen"])
     one.followers["yellow"] = Disc(position=(50.0, 41.0), velocity=(0.0, 0.0))
     one._start_all(frame(), {"green": GREEN}, 0.25)
     assert begun == []  # two marks are never at one place
