@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from stat import S_ISCHR, S_ISFIFO
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -38,11 +39,15 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
 
 
 def refuse_stream(path: Path) -> None:
-    """Refuse a named pipe, which would be waited for without end, or a device. Raises InputError, OSError.
+    """Refuse a named pipe, which would be waited for without end, or a device. Raises InputError.
 
     Tables and settings are read more than once (their format, their content, their hash); recordings can be streams.
     """
-    if path.is_fifo() or path.is_char_device():
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):  # what opens it says why it cannot
+        return
+    if S_ISFIFO(mode) or S_ISCHR(mode):
         raise InputError(f"{path}: is a pipe or a device, which can be read only once; save its content as a file")
 
 
