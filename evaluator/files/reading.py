@@ -71,6 +71,7 @@ def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
     return f"{error}; numbers have a decimal point, not a comma" if comma else str(error)
 
 
+MOST_FAULTS = 50  # told of a file: more than anybody mends at once
 MOST_SHOWN = 200  # characters of a value: more than a line of a file
 # Values of the wrong kind in words of the files; pydantic's are those of Python.
 TYPES = "_parsing", "_type", "_from_float"
@@ -101,7 +102,11 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
         model = getattr(load, "__globals__", {}).get(model)
     items = error.errors()
     reported = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
-    return "; ".join(_fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported)
+    faults = [
+        _fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_FAULTS]
+    ]
+    rest = [f"{len(reported) - MOST_FAULTS} more faults"] if len(reported) > MOST_FAULTS else []
+    return "; ".join([*faults, *rest])
 
 
 def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]]) -> bool:

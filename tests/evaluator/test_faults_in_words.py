@@ -63,6 +63,13 @@ def test_a_fault_names_its_place_what_was_found_and_what_should_be_there(content
     assert explain(error.value, load) == said
 
 
+def test_of_hundreds_of_faults_the_first_are_told_and_how_many_there_are_more() -> None:
+    with pytest.raises(ValidationError) as error:
+        Whole.model_validate({"places": ["x"] * 600})
+    said = explain(error.value, load).split("; ")
+    assert (len(said), said[-2:]) == (51, ["places[50] = 'x': should be a number", "550 more faults"])
+
+
 def test_a_name_that_no_file_can_have_is_shown_as_it_was_written() -> None:
     with pytest.raises(InputError, match=r"^'a\\x00\.toml': no file can have this name"):
         read_with(Path.read_text, Path("a\0.toml"))
