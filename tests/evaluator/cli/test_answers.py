@@ -19,6 +19,7 @@ from evaluator.workflow import DiagnosisResult, Plan
 from evaluator.workflow.circular.runs import CircularRun
 from evaluator.workflow.diagnosis.batch import Answer
 from evaluator.workflow.results.outputs import Outputs
+from simulator.effects.catalogue import EFFECTS
 from tests.evaluator.cli.called import Called, run
 
 NONE: dict[str, Any] = {"verdict": "none", "reason": "so", "effects": []}
@@ -46,6 +47,13 @@ def test_a_diagnosis_is_printed_with_its_file_and_runs_left_out_give_status_1(st
     assert called[1][1] == {"workers": 2, "dask": None, "effects": (Path("a.toml"), Path("b.py")), "seconds": 5.0}
     assert run("diagnose", "e.toml", "-q").stdout == ""
     assert json.loads(run("diagnose", "e.toml", "--json").stdout)["verdict"] == "none"
+
+
+def test_an_effect_is_described_by_its_name_its_sentence_and_its_law() -> None:
+    said = " ".join(run("effects", "plate-tilt").stdout.split())
+    effect = EFFECTS["plate-tilt"]
+    for words in (f"{effect.id}: {effect.name}", effect.sentence, effect.law, effect.source):
+        assert " ".join(words.split()) in said
 
 
 def test_a_free_form_term_is_offered_and_written_under_the_name_of_its_file(stub: Any, tmp_path: Path) -> None:

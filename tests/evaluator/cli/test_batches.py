@@ -100,6 +100,13 @@ def test_an_analysis_is_printed_as_a_table_as_json_or_not_at_all_and_faults_go_t
     assert "r0.csv, r1.csv, r2.csv, r3.csv, r4.csv, r5.csv changed during the analysis" in run(command, "e.toml").stderr
 
 
+def test_a_report_is_written_of_what_was_analysed(asked: list[dict[str, Any]], found: Any, stub: Any) -> None:
+    reports = stub("evaluator.report.build.write_report")
+    run("report", "e.toml")
+    assert reports == [((found,), {})]
+    assert len(asked) == 1
+
+
 def test_more_is_printed_of_every_run_where_asked_for(asked: list[dict[str, Any]], found: Any) -> None:
     table = turning_text(found, verbose=True).splitlines()
     assert table[0].endswith("remark")
