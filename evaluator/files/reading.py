@@ -106,7 +106,12 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
         _fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_FAULTS]
     ]
     rest = [f"{len(reported) - MOST_FAULTS} more faults"] if len(reported) > MOST_FAULTS else []
-    return "; ".join([*faults, *rest])
+    return _cut("; ".join([*faults, *rest]))
+
+
+def _cut(text: str) -> str:
+    """The text with every word of more than MOST_SHOWN characters cut: a name that nobody knows may have any length."""
+    return re.sub(rf"(\S{{{MOST_SHOWN}}})\S+", r"\1…", text)
 
 
 def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]]) -> bool:

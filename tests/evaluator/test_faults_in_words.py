@@ -52,6 +52,7 @@ def load(path: Path) -> Whole:
         ({"part": [{"size": 0}]}, "part[1].size = 0: should be greater than 0"),
         ({"part": [{}]}, "part[1].size is missing"),
         ({"part": [{"size": 1, "cuont": 2}]}, "unknown key part[1].cuont; did you mean count?"),
+        ({"y" * 5000: 1}, f"unknown key {'y' * 200}…"),
         ({"places": "x" * 5000}, f"places = '{'x' * 199}…: should be a list"),
         ({"nmae": ""}, "unknown key nmae; did you mean name?"),
         ({"zzz": 1, "name": 3}, "name = 3: should be text; unknown key zzz"),
