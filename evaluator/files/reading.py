@@ -106,7 +106,7 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
         _fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_FAULTS]
     ]
     rest = [f"{len(reported) - MOST_FAULTS} more faults"] if len(reported) > MOST_FAULTS else []
-    return _cut("; ".join([*faults, *rest]))
+    return "; ".join([*faults, *rest])
 
 
 def _cut(text: str) -> str:
@@ -122,13 +122,13 @@ def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]
 def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object, model: object) -> str:
     keys, models = _resolved(model, place[:-1])
     keys += place[-1:]
-    dotted = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip(".")
+    dotted = _cut("".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip("."))
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(str(place[-1]), _keys_of(models), n=1, cutoff=0.5)
         return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
     if kind == "missing":
         return f"{dotted} is missing"
-    text = in_words(kind, message)
+    text = _cut(in_words(kind, message))
     shown = repr(found)
     shown = shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}…"
     return text if isinstance(found, dict) or not dotted else f"{dotted} = {shown}: {text}"

@@ -16,6 +16,7 @@ from evaluator.interchange.tracks import program_of
 from evaluator.marks import read_marks
 from evaluator.tracking.corrections import read_corrections
 from evaluator.workflow.checks import check_experiment
+from simulator.robot import load_robot, shipped_robot_text
 
 
 class Part(BaseModel, extra="forbid"):
@@ -62,6 +63,14 @@ def test_a_fault_names_its_place_what_was_found_and_what_should_be_there(content
     with pytest.raises(ValidationError) as error:
         Whole.model_validate(content)
     assert explain(error.value, load) == said
+
+
+def test_a_name_of_any_length_that_no_effect_has_is_cut(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(f'{shipped_robot_text("barrel")}\n[[effect]]\nid = "{"x" * 5000}"\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"unknown effect x{200}…") as error:
+        read_with(load_robot, path)
+    assert len(str(error.value)) < 1000
 
 
 def test_of_hundreds_of_faults_the_first_are_told_and_how_many_there_are_more() -> None:
