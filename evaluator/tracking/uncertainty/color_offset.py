@@ -10,6 +10,8 @@ offsets contains lasting errors only.
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +34,7 @@ class ColorOffsets:
     def __init__(self) -> None:
         """Start with none."""
         self.sample_px = 1.0  # width of a chroma sample
-        self._offsets: dict[float, tuple[float, float, float, float]] = {}  # by time: place of the disc, offset
+        self._noted = array("d")  # rows of five: time, place of the disc, offset; 40 bytes a frame
 
     def note(
         self, time_s: float, place: tuple[float, float], colored: Array, area_px2: float, sample_px: float
@@ -40,12 +42,14 @@ class ColorOffsets:
         """Record a disc fitted at a place, px. colored: of `color_window`; area_px2: usual area of its colour."""
         area, x, y, _, _ = colored.tolist()
         if TORN * area_px2 < area < CROWDED * area_px2:
-            self._offsets[time_s] = (*place, x - place[0], y - place[1])
+            self._noted.extend((time_s, *place, x - place[0], y - place[1]))
             self.sample_px = sample_px
 
     def variance(self, time_s: Array) -> Array:
         """Variance per axis of the lasting error of the disc at times (n,), px²; 0 if too few frames show it."""
-        noted = np.array([(time, *self._offsets[time]) for time in sorted(self._offsets)]).reshape(-1, 5)
+        rows = np.array(self._noted).reshape(-1, 5)
+        _, last_of_time = np.unique(rows[::-1, 0], return_index=True)  # a frame may be measured again
+        noted = rows[::-1][last_of_time]
         noted = noted[_apart(noted[:, 1:3], STEP * self.sample_px)]
         product = (noted[1:, 3:] * noted[:-1, 3:]).mean(axis=1)
         if len(product) < FEWEST:
