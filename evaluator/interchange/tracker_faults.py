@@ -64,11 +64,11 @@ def _exchanged(first: Floats, second: Floats, time_s: Floats) -> NDArray[np.bool
     seen = np.flatnonzero(np.isfinite(first + second).all(axis=1))
     if len(seen) < FEWEST_ROWS:
         return rows
-    line, steps_s = (first - second)[seen], np.diff(time_s[seen])
+    line, steps_s = (first - second)[seen], np.maximum(np.diff(time_s[seen]), 1e-9)
     turned = np.abs(np.angle(np.exp(1j * np.diff(np.arctan2(line[:, 1], line[:, 0])))))
     usual = float(np.median(np.minimum(turned, np.pi - turned) / steps_s)) * steps_s  # blind to an exchange
     apart = np.hypot(line[:, 0], line[:, 1])
-    sound = np.abs(apart / np.median(apart) - 1) < SOUND_SHARE
+    sound = np.abs(apart - np.median(apart)) < SOUND_SHARE * np.median(apart)
     places = (turned > LEAST_EXCHANGED_RAD) & (usual < np.pi - LEAST_EXCHANGED_RAD) & sound[1:] & sound[:-1]
     odd = np.r_[False, np.cumsum(places) % 2 == 1]
     if 2 * odd.sum() > len(odd):

@@ -124,14 +124,14 @@ def read_points(
 
 def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], str]:
     """Marks of a marks CSV under any name, in mm if it has them, else in px."""
-    from evaluator.marks import read_marks
+    from evaluator.interchange.tracker_faults import without_faults
+    from evaluator.marks import mark_names, read_marks
 
     table = read_marks(path)
+    table = without_faults(table, mark_names(table))
     for unit in ("mm", "px"):
         ends = (f"_x_{unit}", f"_y_{unit}")
-        names = [str(name).removesuffix(ends[0]) for name in table if str(name).endswith(ends[0])]
-        names = [name for name in names if f"{name}{ends[1]}" in table]
-        if names:
+        if names := mark_names(table, unit):
             points = {name: table[[f"{name}{end}" for end in ends]].to_numpy(float) for name in names}
             return table["time_s"].to_numpy(float), points, tracks.unit or unit if unit == "mm" else "px"
     raise InputError(f"{path}: no columns NAME_x_mm and NAME_y_mm (or _px) of a mark; see turnscope turning --help")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from evaluator.interchange.tracker_faults import without_faults
-from evaluator.interchange.tracks import Tracks, read_any_marks
+from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
 from evaluator.marks import columns_of, write_marks
 
 NAMES = ("green", "yellow")
@@ -128,3 +128,11 @@ def test_a_robot_that_turns_while_nothing_is_seen_is_not_exchanged() -> None:
     two = turning()
     two.loc[100, columns_of(["green"])] = two.loc[100, columns_of(["yellow"])].to_numpy()  # both on one mark
     assert without_faults(two, NAMES).attrs["faults"] == []
+
+
+def test_paths_of_marks_without_a_robot_are_those_of_marks_put_back(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    write_marks(exchange(turning(), slice(150, None)), path)
+    _, points, unit = read_points(path)
+    assert unit == "mm"
+    np.testing.assert_allclose(points["green"], turning()[columns_of(["green"])])
