@@ -86,4 +86,6 @@ def _step(values: Floats, measured: Points, here: Points, changes: Sequence[Poin
     ridge = RIDGE * float(np.linalg.norm(left)) * np.eye(count, len(columns))
     low, high = (np.append(side * MOST_SIGMAS - values, np.full(3, side * np.inf)) for side in (-1, 1))
     target = np.concatenate([left, -np.diag(ridge) * values])
-    return np.asarray(lsq_linear(np.vstack([design, ridge]), target, (low, high)).x[:count])
+    # hundreds of rows become some thirty
+    triangle = np.linalg.qr(np.column_stack([np.vstack([design, ridge]), target]), mode="r")
+    return np.asarray(lsq_linear(triangle[:, :-1], triangle[:, -1], (low, high), method="bvls").x[:count])
