@@ -109,3 +109,11 @@ def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(
             read(tmp_path / "p.toml")
         fault = str(error.value)
     assert fault.startswith(f"{tmp_path / 'p.toml'}: is a pipe or a device")
+
+
+def test_a_folder_in_place_of_a_file_names_the_file_in_it(tmp_path: Path) -> None:
+    (tmp_path / "experiment.toml").touch()
+    with pytest.raises(InputError) as error:
+        read_with(Path.read_text, tmp_path)
+    file = tmp_path / "experiment.toml"
+    assert str(error.value) == f"{tmp_path}: is a folder; give the name of a file, such as {file}"
