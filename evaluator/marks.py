@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import numbers_of, read_table, write_table
+from evaluator.files.csv_tables import line_of, numbers_of, read_table, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
 # nanoseconds since 1970 is beyond it, too). Squares of smaller lengths stay far from the limits of a float.
@@ -61,7 +61,7 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         bad = values.isna() & table[name].notna()
         if bad.any():
             row = int(np.flatnonzero(bad)[0])
-            raise InputError(f"{path}: line {row + 2}, {name} = {table[name].iloc[row]!r} is not a number")
+            raise InputError(f"{path}: line {line_of(table, row)}, {name} = {table[name].iloc[row]!r} is not a number")
         table[name] = values.astype(float)
     check_marks(table, path)
     return table
@@ -92,12 +92,13 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
         raise InputError(f"{path}: {len(time)} rows; time_s must hold at least two values and increase from row to row")
     wrong = np.flatnonzero(~(np.abs(time) <= LATEST_S))
     if len(wrong):
-        raise InputError(f"{path}: line {wrong[0] + 2}, time_s = {time[wrong[0]]:g} is not a time in seconds")
+        line = line_of(table, wrong[0])
+        raise InputError(f"{path}: line {line}, time_s = {time[wrong[0]]:g} is not a time in seconds")
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
-        before, after = time[back[0]], time[back[0] + 1]
+        before, after, line = time[back[0]], time[back[0] + 1], line_of(table, back[0] + 1)
         raise InputError(
-            f"{path}: line {back[0] + 3}, time_s = {after:.9g} does not come after {before:.9g} of the line before; "
+            f"{path}: line {line}, time_s = {after:.9g} does not come after {before:.9g} of the line before; "
             "time_s must increase from row to row"
         )
     for name in table:
@@ -105,7 +106,8 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
             values = table[name].to_numpy(float)
             far = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_MM))
             if len(far):
-                raise InputError(f"{path}: line {far[0] + 2}, {name} = {values[far[0]]:g} is not a position on a plate")
+                line = line_of(table, far[0])
+                raise InputError(f"{path}: line {line}, {name} = {values[far[0]]:g} is not a position on a plate")
 
 
 def write_marks(table: pd.DataFrame, path: Path | str) -> None:

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import math
 
-MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # units of length of other programs and of people
+MM_PER = {
+    "um": 1e-3,
+    "mm": 1.0,
+    "cm": 10.0,
+    "m": 1000.0,
+    "inch": 25.4,
+}  # of other programs and people
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
-from simulator.units import numbers_of, read_table
+from simulator.units import line_of, numbers_of, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -252,5 +252,5 @@ def _numbers(
     ]
     bad = np.flatnonzero(~np.isfinite(columns).all(axis=0))
     if len(bad):
-        raise SimulationError(f"{path}: line {bad[0] + 2} holds a value that is not a finite number")
+        raise SimulationError(f"{path}: line {line_of(table, bad[0])} holds a value that is not a finite number")
     return columns

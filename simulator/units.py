@@ -6,6 +6,7 @@ A key may end in any unit of its kind, and its value is converted to the interna
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,15 +69,24 @@ def read_table(path: Path) -> pd.DataFrame:
         first = lines.readline(4096)
     if "\0" in first:  # every second byte of English text in UTF-16
         raise SimulationError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
-    sep = max(",;\t", key=first.count)
+    said = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', first, re.IGNORECASE)  # tells spreadsheets the separator
+    sep = said[1] if said else max(",;\t", key=first.count)
+    decimal, before = "." if sep == "," else ",", 1 if said else 0
     try:
-        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal="." if sep == "," else ",")
+        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal, skiprows=before)
     except UnicodeDecodeError as error:
         raise SimulationError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
     filled = table.notna().any(axis=1).to_numpy().nonzero()[0]
-    return table.iloc[: filled[-1] + 1 if len(filled) else 0]
+    used = table.iloc[: filled[-1] + 1 if len(filled) else 0]
+    used.attrs["lines_before"] = before
+    return used
+
+
+def line_of(table: pd.DataFrame, row: int) -> int:
+    """Number of the line of its file that holds a row of a table, counted from 0."""
+    return int(row) + 2 + int(table.attrs.get("lines_before", 0))
 
 
 def numbers_of(column: pd.Series) -> pd.Series:

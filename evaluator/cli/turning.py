@@ -54,8 +54,8 @@ Examples:
   turnscope turning px.csv --scale-px 102 40 902 44 --length-mm 50
 
 A marks CSV has the columns time_s and NAME_x_mm, NAME_y_mm (or _px) of every mark. Tables of t, x, y or frame, x, y,
-files of OSP Tracker, DeepLabCut, SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or a TUM trajectory)
-are read as well. robot.toml needs only [marks].
+files of OSP Tracker, TrackMate, trackpy, DeepLabCut, SLEAP and movement, and poses (time_s, x_mm, y_mm, heading_deg, or
+a TUM trajectory) are read as well. robot.toml needs only [marks].
 
 Exit status: 0, all tables were measured; 2, at least one could not be measured.""",
 )
@@ -64,7 +64,7 @@ Exit status: 0, all tables were measured; 2, at least one could not be measured.
 @click.option("--camera", type=PATH, help="camera.json: adds its uncertainty, and converts marks in px.")
 @click.option("--scale-px", nargs=4, type=float, metavar="X1 Y1 X2 Y2", help="Ends of a ruler in the image, px.")
 @click.option("--length-mm", type=float, help="Length of that ruler.")
-@click.option("--unit", type=click.Choice(["mm", "cm", "m", "inch", "px"]), help="Unit of lengths in the tables.")
+@click.option("--unit", type=click.Choice(["um", "mm", "cm", "m", "inch", "px"]), help="Unit of lengths in the tables.")
 @click.option(
     "--name",
     "names",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypedDict
@@ -23,14 +24,16 @@ FLOAT = "%.9g"
 ROWS = 4096  # converted to text at once; more would take memory without gain in time
 QUOTED = frozenset(',"\r\n')  # characters for which a cell needs quotes
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # beginnings of cells that spreadsheets evaluate
+DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 Column = NDArray[np.generic] | list[str]
 
 
 class Dialect(TypedDict):
-    """Separator of cells and decimal mark of a CSV file."""
+    """Separator of cells, decimal mark and number of lines before the header of a CSV file."""
 
     sep: str
     decimal: str
+    skiprows: int
 
 
 def read_table(path: Path, **options: Any) -> pd.DataFrame:
@@ -39,15 +42,33 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
     Rows without a value at the end, which spreadsheets leave, are left out. Raises InputError, OSError.
     """
     refuse_stream(path)
+    dialect = _dialect(path)
     try:
-        table = pd.read_csv(path, skipinitialspace=True, **_dialect(path), **options)
+        table = pd.read_csv(path, skipinitialspace=True, **dialect, **options)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     filled = np.flatnonzero(table.notna().any(axis=1))
     used: pd.DataFrame = table.iloc[: filled[-1] + 1 if len(filled) else 0]
+    if dialect["decimal"] == ",":  # pandas leaves a column with a word in it as it is
+        words = {name: used[name] for name in used if pd.api.types.is_string_dtype(used[name].dtype)}
+        used = used.assign(
+            **{str(name): cells.replace(DECIMAL_COMMA, r"\1.\2", regex=True) for name, cells in words.items()}
+        )
+    used.attrs["lines_before"] = dialect["skiprows"]
     return used
+
+
+def line_of(table: pd.DataFrame, row: int) -> int:
+    """Number of the line of its file that holds a row of a table, counted from 0."""
+    return int(row) + 2 + int(table.attrs.get("lines_before", 0))
+
+
+def separator_line(line: str) -> str | None:
+    """The separator that a first line "sep=;" tells spreadsheets; None for any other line."""
+    found = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', line, re.IGNORECASE)
+    return found[1] if found else None
 
 
 def _dialect(path: Path) -> Dialect:
@@ -56,8 +77,9 @@ def _dialect(path: Path) -> Dialect:
         first = lines.readline(4096)
     if "\0" in first:  # every second byte of English text in UTF-16
         raise InputError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
-    sep = max(",;\t", key=first.count)
-    return {"sep": sep, "decimal": "." if sep == "," else ","}
+    said = separator_line(first)
+    sep = said or max(",;\t", key=first.count)
+    return {"sep": sep, "decimal": "." if sep == "," else ",", "skiprows": 0 if said is None else 1}
 
 
 def numbers_of(column: pd.Series) -> pd.Series:

@@ -13,10 +13,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NamedPoints:
-    """time_s: (n,). points: (n, 2) by name, in the order and unit of the file; NaN where one is missing."""
+    """time_s: (n,). points: (n, 2) by name, in the order and unit of the file; NaN where one is missing.
+
+    unit: of length, as the file states it or its program always has it; None if there is none.
+    """
 
     time_s: Array
     points: dict[str, Array]
+    unit: str | None = None
 
 
 class FileHints(Protocol):

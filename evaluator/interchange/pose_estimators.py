@@ -35,12 +35,13 @@ def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
                 break
         else:
             raise InputError(f"{path}: starts like a DeepLabCut file, but has no line that starts with coords")
-    named = {row[0]: row for row in heads}
+    named = {row[0]: row[1:] for row in heads}
     try:
         table = pd.read_csv(path, skiprows=len(heads), header=None, dtype=float).to_numpy()
     except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path}: {str(error).strip()}") from error
-    columns = list(zip(named.get("bodyparts", [])[1:], heads[-1][1:], strict=False))
+    parts = named.get("bodyparts", [])
+    columns = list(zip(named.get("individuals", [""] * len(parts)), parts, named["coords"], strict=False))
     return _likely(path, table[:, 0], columns, table[:, 1:], said)
 
 
@@ -52,17 +53,32 @@ def read_sleap(path: Path, said: FileHints) -> NamedPoints:
         raise InputError(f"{path}: SLEAP counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
     try:
         table = pd.read_csv(path)
-        table = table[table["track"].fillna("") == table["track"].fillna("").iloc[0]]  # of several, the first
         numbers = table.drop(columns="track").astype(float)
     except (ValueError, IndexError, pd.errors.ParserError) as error:
         raise InputError(f"{path}: {str(error).strip()}") from error
-    points = {}
-    for name in (column.removesuffix(".x") for column in numbers if column.endswith(".x")):
-        if f"{name}.y" in numbers:
-            points[name] = numbers[[f"{name}.x", f"{name}.y"]].to_numpy(copy=True)
-            if f"{name}.score" in numbers:
-                points[name][numbers[f"{name}.score"].to_numpy() < said.likelihood] = np.nan
-    return NamedPoints(numbers["frame_idx"].to_numpy() / said.rate_hz, points)
+    frames, at = np.unique(numbers["frame_idx"].to_numpy(), return_inverse=True)
+    named = [name.removesuffix(".x") for name in map(str, numbers) if name.endswith(".x")]
+    nodes = [name for name in named if f"{name}.y" in numbers]
+    points = dict[tuple[str, str], Array]()
+    for individual, rows in table["track"].fillna("").astype(str).groupby(table["track"].fillna("")).indices.items():
+        if len(set(at[rows])) < len(rows):
+            raise InputError(f"{path}: several individuals without a track in one frame; track them in SLEAP")
+        for node in nodes:
+            place = numbers[[f"{node}.x", f"{node}.y"]].to_numpy()[rows]
+            if f"{node}.score" in numbers:
+                place = np.where(numbers[f"{node}.score"].to_numpy()[rows, None] < said.likelihood, np.nan, place)
+            points[str(individual), node] = np.full((len(frames), 2), np.nan)
+            points[str(individual), node][at[rows]] = place
+    return NamedPoints(frames / said.rate_hz, _plainly_named(points), "px")
+
+
+def _plainly_named(points: dict[tuple[str, str], Array]) -> dict[str, Array]:
+    """Points by the name of their part, with that of their individual before it if several have this part."""
+    parts = [part for _, part in points]
+    return {
+        part if parts.count(part) == 1 else f"{individual}_{part}": place
+        for (individual, part), place in points.items()
+    }
 
 
 def read_binary(path: Path, said: FileHints) -> NamedPoints:
@@ -113,17 +129,19 @@ def _check_texts(path: Path, file: Any) -> None:
 
 
 def _sleap_analysis(path: Path, file: Any, said: FileHints) -> NamedPoints:
-    """Tracks (individuals, 2, nodes, frames): those of the first individual."""
-    place, names = file["tracks"][0], [name.decode() for name in file["node_names"][:]]
-    score = file["point_scores"][0] if "point_scores" in file else None
+    """Tracks (individuals, 2, nodes, frames)."""
     if said.rate_hz is None:
         raise InputError(f"{path}: SLEAP counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
+    place, nodes = file["tracks"][:], [name.decode() for name in file["node_names"][:]]
+    score = file["point_scores"][:] if "point_scores" in file else np.ones_like(place[:, 0])
+    stated = [name.decode() for name in file["track_names"][:]] if "track_names" in file else []
+    individuals = stated if len(stated) == len(place) else [f"track{k}" for k in range(len(place))]
     points = {}
-    for index, name in enumerate(names):
-        points[name] = np.array(place[:, index].T, dtype=float)
-        if score is not None:
-            points[name][score[index] < said.likelihood] = np.nan
-    return NamedPoints(np.arange(place.shape[-1]) / said.rate_hz, points)
+    for k, individual in enumerate(individuals):
+        for node, name in enumerate(nodes):
+            unlikely = score[k, node, :, None] < said.likelihood
+            points[individual, name] = np.where(unlikely, np.nan, place[k, :, node].T)
+    return NamedPoints(np.arange(place.shape[-1]) / said.rate_hz, _plainly_named(points), "px")
 
 
 def _deeplabcut_table(path: Path, group: Any, said: FileHints) -> NamedPoints:
@@ -141,7 +159,7 @@ def _deeplabcut_table(path: Path, group: Any, said: FileHints) -> NamedPoints:
         columns = [
             tuple(level[code] for level, code in zip(levels, row, strict=True)) for row in zip(*codes, strict=True)
         ]
-    named = [(str(column[-2]), str(column[-1])) for column in columns]
+    named = [(str(column[-3]) if len(column) > 3 else "", str(column[-2]), str(column[-1])) for column in columns]
     return _likely(path, np.asarray(frames, float), named, np.asarray(values, float), said)
 
 
@@ -160,23 +178,47 @@ def _plain_pickle(content: bytes) -> Any:
 
 
 def _likely(
-    path: Path, frames: Array, columns: Sequence[tuple[str, str]], values: Array, said: FileHints
+    path: Path, frames: Array, columns: Sequence[tuple[str, str, str]], values: Array, said: FileHints
 ) -> NamedPoints:
-    """Points of a table whose columns are (point, coordinate); unlikely ones are missing."""
+    """Points of a table whose columns are (individual, point, coordinate); unlikely ones are missing."""
     if said.rate_hz is None:
         raise InputError(f"{path}: DeepLabCut counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
-    place = {column: k for k, column in reversed(list(enumerate(columns)))}  # of several individuals, the first
+    at = {column: k for k, column in enumerate(columns)}
     points = {}
-    for name in dict.fromkeys(part for part, _ in columns):
-        if (name, "x") in place and (name, "y") in place:
-            points[name] = values[:, [place[name, "x"], place[name, "y"]]].copy()
-            if (name, "likelihood") in place:
-                points[name][values[:, place[name, "likelihood"]] < said.likelihood] = np.nan
-    return NamedPoints(frames / said.rate_hz, points)
+    for individual, name in dict.fromkeys(column[:2] for column in columns):
+        x, y, likelihood = (at.get((individual, name, part)) for part in ("x", "y", "likelihood"))
+        if x is not None and y is not None:
+            place = values[:, [x, y]].copy()
+            if likelihood is not None:
+                place[values[:, likelihood] < said.likelihood] = np.nan
+            points[individual, name] = place
+    return NamedPoints(frames / said.rate_hz, _plainly_named(points), "px")
 
 
 def _read_movement(path: Path, said: FileHints) -> NamedPoints:
     """A movement dataset: position over time, space, keypoints, individuals; confidence if there is one."""
+    data = _opened(path)
+    time = data["time"].to_numpy().astype(float)
+    if data.attrs.get("time_unit") == "frames":
+        rate = said.rate_hz or data.attrs.get("fps")
+        if not rate:
+            raise InputError(f"{path}: counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
+        time = time / float(rate)
+    position = data["position"].transpose("individuals", "keypoints", "time", "space").to_numpy().astype(float)
+    xy = [_words(data["space"]).index(axis) for axis in "xy"]
+    sure = np.ones_like(position[..., 0])
+    if "confidence" in data:
+        sure = data["confidence"].transpose("individuals", "keypoints", "time").to_numpy()
+    points = {}
+    for k, individual in enumerate(_words(data["individuals"])):
+        for node, name in enumerate(_words(data["keypoints"])):
+            points[individual, name] = position[k, node][:, xy]
+            points[individual, name][sure[k, node] < said.likelihood] = np.nan
+    return NamedPoints(time, _plainly_named(points), "px")
+
+
+def _opened(path: Path) -> Any:
+    """The dataset with dimensions time, space, keypoints and individuals. Raises InputError if it has no position."""
     try:
         import xarray as xr
     except ImportError as error:
@@ -193,25 +235,13 @@ def _read_movement(path: Path, said: FileHints) -> NamedPoints:
         raise InputError(f"{path}: not a readable netCDF file ({str(error).splitlines()[0]})") from error
     if data is None:
         raise InputError(f"{path}: a variable of {numbers:.3g} numbers is no track; is the file damaged?")
+    data = data.rename({name: f"{name}s" for name in ("keypoint", "individual") if name in data.dims})
     if "position" not in data or not {"time", "space", "keypoints"} <= set(data["position"].dims):
         raise InputError(
             f"{path}: no position over time, space and keypoints in it; is it a movement dataset of poses?"
         )
-    if "individuals" in data.dims:
-        data = data.isel(individuals=0)
-    time = data["time"].to_numpy().astype(float)
-    if data.attrs.get("time_unit") == "frames":
-        rate = said.rate_hz or data.attrs.get("fps")
-        if not rate:
-            raise InputError(f"{path}: counts frames; give the frame rate: --rate-hz, or rate_hz in [tracks]")
-        time = time / float(rate)
-    known = [name.decode() if isinstance(name, bytes) else str(name) for name in data["keypoints"].to_numpy()]
-    space = [name.decode() if isinstance(name, bytes) else str(name) for name in data["space"].to_numpy()]
-    position = data["position"].transpose("keypoints", "time", "space").to_numpy().astype(float)
-    points = {}
-    for index, name in enumerate(known):
-        points[name] = position[index][:, [space.index("x"), space.index("y")]]
-        if "confidence" in data:
-            sure = data["confidence"].transpose("keypoints", "time").to_numpy()[index]
-            points[name][sure < said.likelihood] = np.nan
-    return NamedPoints(time, points)
+    return data if "individuals" in data.dims else data.expand_dims(individuals=[""])
+
+
+def _words(coordinate: Any) -> list[str]:
+    return [name.decode() if isinstance(name, bytes) else str(name) for name in coordinate.to_numpy()]

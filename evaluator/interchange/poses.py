@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
-from evaluator.files.csv_tables import numbers_of, read_table
+from evaluator.files.csv_tables import line_of, numbers_of, read_table, separator_line
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
-from evaluator.interchange.tracker_files import cells_of, delimiter_of
+from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
@@ -83,7 +83,8 @@ def holds_poses(path: Path) -> bool:
     try:
         refuse_stream(Path(path))
         with Path(path).open(encoding="utf-8-sig") as file:
-            first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+            said = (line for line in file if line.strip() and not line.lstrip().startswith("#"))
+            first = next((line for line in said if separator_line(line) is None), "")
     except (OSError, UnicodeDecodeError):
         return False
     cells = set(cells_of(first, delimiter_of(first)))
@@ -237,7 +238,7 @@ def _column(path: Path, table: pd.DataFrame, name: str) -> Array:
     bad = values.isna() & table[name].notna()
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        raise InputError(f"{path}: line {row + 2}, {name} = {table[name].iloc[row]!r} is not a number")
+        raise InputError(f"{path}: line {line_of(table, row)}, {name} = {table[name].iloc[row]!r} is not a number")
     return values.to_numpy(float)
 
 

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluator.errors import InputError
+from evaluator.interchange.delimited_text import cells_of, delimiter_of, lines_of, numbers_of
 from evaluator.interchange.named_points import FileHints, NamedPoints
+from evaluator.wording import MM_PER
 
 
 def read_tracker_text(path: Path, said: FileHints) -> NamedPoints:
     """Two header lines: names of the tracks above their columns, then t, x, y …; any usual delimiter."""
     del said
-    lines = [line for line in path.read_text(encoding="utf-8-sig", errors="replace").splitlines() if line.strip()]
-    delimiter = delimiter_of(lines[1])
-    names, columns = cells_of(lines[0], delimiter), cells_of(lines[1], delimiter)
+    lines = lines_of(path)
+    delimiter = delimiter_of(lines[1][1])
+    names, columns = (cells_of(line, delimiter) for _, line in lines[:2])
     names = (names + [""] * len(columns))[: len(columns)]
     if names[0] and columns[0] == "t":  # a table of one track carries its name above the time
         names = ["", names[0], *names[1:-1]] if len(names) > 1 else names
@@ -24,7 +25,7 @@ def read_tracker_text(path: Path, said: FileHints) -> NamedPoints:
     for index, (name, column) in enumerate(zip(names, columns, strict=True)):
         owner = name or owner
         place.setdefault((plain_name(owner), column), index)
-    rows = [numbers_of(path, number, line, delimiter) for number, line in enumerate(lines[2:], start=3)]
+    rows = [numbers_of(path, number, cells_of(line, delimiter), delimiter) for number, line in lines[2:]]
     width = len(columns)
     table = np.array([(row + [np.nan] * width)[:width] for row in rows], dtype=float).reshape(-1, width)
     points = {
@@ -46,36 +47,10 @@ def read_project(path: Path, said: FileHints) -> NamedPoints:
         place = np.array([places.get(int(frame), (np.nan, np.nan)) for frame in frames]).reshape(-1, 2)
         # The origin of px is the corner of the image in Tracker, elsewhere the centre of the first pixel.
         points[name] = place - 0.5 if said.unit == "px" or not len(place) else project.on_plate(frames, place)
-    return NamedPoints(project.times_s(frames, said.rate_hz), points)
-
-
-def project_unit(path: Path) -> str:
-    """Unit of length that a project states."""
-    from evaluator.interchange.tracker_project import Project
-
-    return Project(path).length_unit
-
-
-def delimiter_of(line: str) -> str | None:
-    """Delimiter of a line; None for blanks, if names contain none."""
-    return next((mark for mark in "\t;,|" if mark in line), None)
-
-
-def cells_of(line: str, delimiter: str | None) -> list[str]:
-    """Cells of a line, without quotes and blanks around them."""
-    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(delimiter)]
+    unit = project.length_unit if project.length_unit in MM_PER else None
+    return NamedPoints(project.times_s(frames, said.rate_hz), points, unit)
 
 
 def plain_name(name: str) -> str:
     """Name of a track in a text file: Tracker writes "mass A" as mass_A."""
     return name.strip().lstrip("#").replace(" ", "_")
-
-
-def numbers_of(path: Path, number: int, line: str, delimiter: str | None) -> list[float]:
-    """Numbers of a line, NaN for an empty cell."""
-    try:
-        # If the delimiter is not a comma, a comma is the decimal separator of the computer that wrote the file.
-        plain = line if delimiter == "," else line.replace(",", ".")
-        return [float(cell) if cell and cell.lower() != "none" else np.nan for cell in cells_of(plain, delimiter)]
-    except ValueError as error:
-        raise InputError(f"{path}: line {number} holds something that is not a number") from error

@@ -26,8 +26,9 @@ class Project:
     def __init__(self, path: Path) -> None:
         """Read a .trk or .trz. Raises InputError for a file that is neither."""
         self.path = path
+        content = _xml(path)
         try:
-            self._root = ET.fromstring(_xml(path))  # noqa: S314 - expat limits the expansion of entities
+            self._root = _root(content)
         except (ET.ParseError, ValueError, LookupError) as error:  # also for an unknown encoding
             raise InputError(f"{path}: not a project of OSP Tracker ({error}); {TO_DO}") from error
         self.length_unit = _text(self._root, "length_unit")
@@ -84,6 +85,18 @@ class Project:
 SYSTEM = {"xorigin": 0.0, "yorigin": 0.0, "angle": 0.0, "xscale": 1.0, "yscale": 1.0}
 
 
+def _root(content: bytes) -> ET.Element:
+    """The root of XML; Tracker of Windows wrote its code page, but called it UTF-8."""
+    try:
+        return ET.fromstring(content)  # noqa: S314 - expat limits the expansion of entities
+    except ET.ParseError:
+        try:
+            content.decode("utf-8")
+        except UnicodeDecodeError:
+            return ET.fromstring(content.decode("cp1252", errors="replace"))  # noqa: S314 - as above
+        raise
+
+
 def _xml(path: Path) -> bytes:
     if not zipfile.is_zipfile(path):
         return path.read_bytes()
@@ -97,7 +110,8 @@ def _xml(path: Path) -> bytes:
     except Exception as error:  # zipfile raises various errors for a damaged archive
         raise InputError(f"{path}: cannot be unpacked ({error}); {TO_DO}") from error
     if len(names) != 1:
-        raise InputError(f"{path}: holds {len(names)} projects of OSP Tracker (.trk); expected one")
+        found = ", ".join(Path(item.filename).name for item in names) or "none"
+        raise InputError(f"{path}: must hold one project (.trk; there: {found}); unpack it, and name one of them")
     if len(content) > LARGEST_BYTES:
         raise InputError(f"{path}: {names[0].filename} unpacks to more than {LARGEST_BYTES / 1e6:.0f} MB; {TO_DO}")
     return content

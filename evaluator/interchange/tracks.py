@@ -18,17 +18,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from evaluator.errors import InputError
 from evaluator.files import refuse_stream
+from evaluator.files.csv_tables import separator_line
+from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.interchange.named_points import FileHints, NamedPoints
-from evaluator.interchange.plain_table import columns_of, plain_unit, read_plain
+from evaluator.interchange.plain_table import columns_of, read_plain
 from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut, read_sleap
-from evaluator.interchange.tracker_files import (
-    cells_of,
-    delimiter_of,
-    plain_name,
-    project_unit,
-    read_project,
-    read_tracker_text,
-)
+from evaluator.interchange.tracker_files import plain_name, read_project, read_tracker_text
 from evaluator.wording import MM_PER
 
 if TYPE_CHECKING:
@@ -50,7 +45,7 @@ class Tracks(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
-    unit: Literal["px", "mm", "cm", "m", "inch"] | None = None
+    unit: Literal["px", "um", "mm", "cm", "m", "inch"] | None = None
     rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     likelihood: Annotated[float, Field(ge=0, le=1)] = 0.6
 
@@ -107,7 +102,8 @@ def read_points(
     """Read times (n,) and the points (n, 2) of every mark of any known program, and their unit: "mm", or "px".
 
     Points in px are converted so that y points up, unless a camera places them in mm. A file may contain only one mark.
-    marks: those of the robot; by default the names in [tracks], else every point that the file names.
+    marks: those of the robot; by default the names in [tracks], else every point that the file names. Faults of
+    trackers are left in (evaluator.interchange.tracker_faults).
     """
     program, said = program_of(path), tracks or Tracks()
     if program == "turnscope":
@@ -124,11 +120,9 @@ def read_points(
 
 def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], str]:
     """Marks of a marks CSV under any name, in mm if it has them, else in px."""
-    from evaluator.interchange.tracker_faults import without_faults
     from evaluator.marks import mark_names, read_marks
 
     table = read_marks(path)
-    table = without_faults(table, mark_names(table))
     for unit in ("mm", "px"):
         ends = (f"_x_{unit}", f"_y_{unit}")
         if names := mark_names(table, unit):
@@ -174,10 +168,10 @@ def _foreign_points(
     if len(points) < max(needed, 1) or any(mark in marks and mark not in points for mark in said.names):
         raise _unknown(path, said, next((mark for mark in marks if mark not in points), "a mark"), sorted(named.points))
     time = named.time_s
-    unit = said.unit or _stated_unit(path, program)
+    unit = said.unit or named.unit
     if unit is None:
         raise InputError(
-            f'{path}: the file has no unit of length; say --unit mm (px, cm, m), or unit = "mm" in [tracks]'
+            f'{path}: the file has no unit of length; say --unit mm (px, um, cm, m), or unit = "mm" in [tracks]'
         )
     if len(time) < 2 or not np.all(np.diff(time) > 0):
         back = np.flatnonzero(np.diff(time) <= 0)
@@ -214,6 +208,8 @@ def program_of(path: Path) -> Program:
     if head.startswith(b"PK\x03\x04") or head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith((b"<?xml", b"<object")):
         return "project"
     lines = head.decode("utf-8", errors="replace").splitlines()
+    if lines and separator_line(lines[0]) is not None:
+        del lines[0]
     if lines and lines[0].split(",")[0].strip() == "scorer":
         return "deeplabcut"
     if lines and {"track", "frame_idx"} <= set(lines[0].split(",")):
@@ -252,23 +248,10 @@ def _marks_table(
     return without_faults(table, tuple(points))
 
 
-def _stated_unit(path: Path, program: Program) -> str | None:
-    """Unit of length that a file states, or that its program always has; None if there is none."""
-    if program == "project":
-        return _project_unit(path)
-    if program == "plain":
-        return plain_unit(path)
-    return None if program == "tracker" else "px"
-
-
-def _project_unit(path: Path) -> str | None:
-    """Unit of length that a project states; None if it states none that is known."""
-    unit = project_unit(path)
-    return unit if unit in MM_PER else None
-
-
 def _unknown(path: Path, tracks: Tracks, mark: str, known: list[str]) -> InputError:
-    there = ", ".join(known) or "none"
+    if not known:
+        return InputError(f"{path}: holds no point with coordinates; mark one frame by frame in its program")
+    there = ", ".join(known)
     return InputError(
         f'{path}: no point named "{tracks.name(mark)}" (there: {there}); say --name {mark}="…", '
         f'or {mark} = "…" in [tracks]'

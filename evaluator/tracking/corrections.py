@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import read_table
+from evaluator.files.csv_tables import line_of, read_table
 
 # Standard uncertainty of a centre placed by hand.
 HAND_SIGMA_PX = 0.5
@@ -35,8 +35,8 @@ def read_corrections(path: Path) -> pd.DataFrame:
         read[axis] = pd.to_numeric(table[axis].where(~gone).str.replace(",", "."), errors="coerce")
     wrong = read["frame"].isna() | (~gone & (read["x"].isna() | read["y"].isna()))
     if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise InputError(f'{path}: line {row + 2} needs a frame number, a mark, and x, y in px or the word "absent"')
+        line = line_of(table, np.flatnonzero(wrong)[0])
+        raise InputError(f'{path}: line {line} needs a frame number, a mark, and x, y in px or the word "absent"')
     return read
 
 

@@ -31,7 +31,8 @@ def spacing_fault(poses: Poses) -> str:
     found = f"the marks are {ratio * nominal:.4g} apart where robot.toml says {nominal:.4g} mm"
     for unit, size_mm in MM_PER.items():
         if abs(np.log(ratio * size_mm)) < np.log1p(SPACING_SHARE):
-            return f"wrong unit: {found}; lengths look like {'inches' if unit == 'inch' else unit}, not mm"
+            word = {"inch": "inches", "um": "µm"}.get(unit, unit)
+            return f"wrong unit: {found}; lengths look like {word}, not mm"
     x, y = poses.x_mm[poses.measured], poses.y_mm[poses.measured]
     if ratio > 1 and min(x.min(), y.min()) >= 0 and max(x.max(), y.max()) > PX_FAR:
         return f"wrong unit: {found}; lengths look like px, not mm"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.interchange.poses import holds_poses, in_recording_s, poses_of, read_poses
+from evaluator.interchange.tracker_faults import without_faults
 from evaluator.interchange.tracks import Tracks, read_points
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of, read_marks
@@ -103,10 +104,13 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
         raise InputError(f"{path}: holds lengths in {unit}; --scale-px is for columns in px")
     head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
     geometry = _marks(path, points, request.robot)
+    measured = tuple(points) if geometry is None else geometry.names
+    marks = without_faults(_table(path, time, {name: points[name] for name in measured}, request), measured)
+    lines += marks.attrs["faults"]
     if geometry is None:
+        points = {name: marks[columns_of([name])].to_numpy(float) for name in measured}
         row, said = _each_mark(path, time, points, unit, scale_sigma, request)
-        return MeasuredTable({**head, **row}, (*lines, *said))
-    marks = _table(path, time, {name: points[name] for name in geometry.names}, request)
+        return MeasuredTable({**head, **row}, (*said, *lines))
     if unit == "px":
         per_px = _mm_per_px(path, marks, geometry)
         marks = marks.drop(columns="time_s") * per_px

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from simulator.errors import SimulationError
 from simulator.nominal_robot import Slip
 from simulator.slip.curves import BENCH_ANGLES_DEG, law_parameters, normalized_forces
-from simulator.units import numbers_of
+from simulator.units import line_of, numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +80,8 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
         if not fine.all():
             row = int(np.flatnonzero(~fine)[0])
             need = "a positive number" if column in ("normal_force_mN", *SIGMAS) else "a finite number"
-            raise SimulationError(f"{name}: line {row + 2}, {column} = {table[column].iloc[row]!r} is not {need}")
+            found = f"line {line_of(table, row)}, {column} = {table[column].iloc[row]!r}"
+            raise SimulationError(f"{name}: {found} is not {need}")
     if values.empty:
         raise SimulationError(f"{name}: holds no measurement")
     checked: pd.DataFrame = values.reset_index(drop=True)

@@ -195,7 +195,7 @@ def test_sleap_analysis_is_read(truth: pd.DataFrame, tmp_path: Path) -> None:
         read_any_marks(tmp_path / "sleap.h5", Tracks(green="left", yellow="right", unit="mm"))
 
 
-def test_csv_of_sleap_is_read_for_its_first_track(truth: pd.DataFrame, tmp_path: Path) -> None:
+def test_individuals_in_csv_of_sleap_are_named_in_front_of_their_nodes(truth: pd.DataFrame, tmp_path: Path) -> None:
     places = truth[list(COLUMNS[1:])].to_numpy()
     lines = ["track,frame_idx,instance.score,left.x,left.y,left.score,right.x,right.y,right.score"]
     for k, (a, b, c, d) in enumerate(places):
@@ -205,7 +205,9 @@ def test_csv_of_sleap_is_read_for_its_first_track(truth: pd.DataFrame, tmp_path:
     path.write_text("\n".join(lines).replace("nan", ""), encoding="utf-8")
     expected = truth.copy()
     expected.loc[5, ["green_x_mm", "green_y_mm"]] = np.nan
-    assert_same(read_any_marks(path, Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0)), expected)
+    assert_same(read_any_marks(path, Tracks(green="robot_left", yellow="robot_right", unit="mm", rate_hz=60)), expected)
+    with pytest.raises(InputError, match=r'no point named "left" \(there: other_left, other_right, robot_left'):
+        read_any_marks(path, Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0))
 
 
 def test_a_project_of_sleap_is_told_what_to_export(tmp_path: Path) -> None:

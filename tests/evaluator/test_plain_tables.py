@@ -64,3 +64,55 @@ def test_what_a_plain_table_lacks_is_asked_for(tmp_path: Path, header: str, aske
     path = written(tmp_path / "table.csv", header, ["0", "1", "2", "3"])
     with pytest.raises(InputError, match=asked):
         read_points(path)
+
+
+TRACKMATE = """LABEL,ID,TRACK_ID,QUALITY,POSITION_X,POSITION_Y,POSITION_T,FRAME
+Label,Spot ID,Track ID,Quality,X,Y,T,Frame
+Label,Spot ID,Track ID,Quality,X,Y,T,Frame
+,,,(quality),(micron),(micron),({time}),
+ID7,7,0,5.1,1000,2000,{first},0
+ID8,8,0,5.1,1500,2500,{second},1
+ID5,5,3,5.1,7000,8000,{second},1
+ID9,9,None,5.1,1,1,{second},1
+"""
+
+
+def test_tracks_of_trackmate_are_points_in_the_units_below_its_header_with_y_up(tmp_path: Path) -> None:
+    path = tmp_path / "spots.csv"
+    path.write_text(TRACKMATE.format(time="sec", first=0, second=0.25), encoding="utf-8")
+    time_s, points, unit = read_points(path)
+    assert (time_s.tolist(), unit, list(points)) == ([0.0, 0.25], "mm", ["track0", "track3"])
+    np.testing.assert_allclose(points["track0"], [[1.0, -2.0], [1.5, -2.5]])
+    np.testing.assert_allclose(points["track3"], [[np.nan, np.nan], [7.0, -8.0]])
+    path.write_text(TRACKMATE.format(time="frame", first=0, second=1), encoding="utf-8")
+    with pytest.raises(InputError, match="give the frame rate"):
+        read_points(path)
+    np.testing.assert_allclose(read_points(path, Tracks(rate_hz=50.0))[0], [0.0, 0.02])
+
+
+def test_particles_of_a_long_table_are_points_and_other_columns_may_hold_words(tmp_path: Path) -> None:
+    path = tmp_path / "trackpy.csv"
+    path.write_text(',y,x,note,frame,particle\n0,2,1,"a, b",0,0\n1,8,7,,0,1\n2,3,2,,1,0\n', encoding="utf-8")
+    _, points, _ = read_points(path, Tracks(unit="mm", rate_hz=50.0))
+    np.testing.assert_allclose(points["particle0"], [[1.0, 2.0], [2.0, 3.0]])
+    np.testing.assert_allclose(points["particle1"], [[7.0, 8.0], [np.nan, np.nan]])
+
+
+def test_rows_that_are_numbered_are_those_of_one_point(tmp_path: Path) -> None:
+    path = tmp_path / "numbered.csv"
+    path.write_text("id,t,x,y\n1,0,1,2\n2,0.5,3,4\n", encoding="utf-8")
+    assert {name: place.tolist() for name, place in read_points(path, Tracks(unit="mm"))[1].items()} == {
+        "tracked": [[1.0, 2.0], [3.0, 4.0]]
+    }
+
+
+@pytest.mark.parametrize("header", ["t;x;y", "time_s;green_x_mm;green_y_mm"])
+def test_a_first_line_for_spreadsheets_is_no_header(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "german.csv"
+    path.write_text(f"sep=;\n{header}\n0,0;1,5;2,5\n0,5;3;4\n", encoding="utf-8-sig")
+    time_s, points, _ = read_points(path, Tracks(unit="mm"))
+    assert time_s.tolist() == [0.0, 0.5]
+    assert next(iter(points.values())).tolist() == [[1.5, 2.5], [3.0, 4.0]]
+    path.write_text(f"sep=;\n{header}\n0,0;1,5;2,5\n0,5;here;4\n", encoding="utf-8")
+    with pytest.raises(InputError, match="line 4"):
+        read_points(path, Tracks(unit="mm"))

@@ -9,8 +9,10 @@ import pandas as pd
 import pytest
 
 from evaluator.interchange.tracker_faults import without_faults
-from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
+from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import columns_of, write_marks
+from evaluator.robot_geometry import read_geometry
+from evaluator.workflow.turning_tables import Request, measure_table
 
 NAMES = ("green", "yellow")
 ROWS = 200
@@ -130,9 +132,14 @@ def test_a_robot_that_turns_while_nothing_is_seen_is_not_exchanged() -> None:
     assert without_faults(two, NAMES).attrs["faults"] == []
 
 
-def test_paths_of_marks_without_a_robot_are_those_of_marks_put_back(tmp_path: Path) -> None:
-    path = tmp_path / "marks.csv"
-    write_marks(exchange(turning(), slice(150, None)), path)
-    _, points, unit = read_points(path)
-    assert unit == "mm"
-    np.testing.assert_allclose(points["green"], turning()[columns_of(["green"])])
+@pytest.mark.parametrize(("robot", "unit"), [(None, "mm"), ("barrel", "mm"), (None, "px")])
+def test_turning_of_a_table_puts_marks_back_and_says_so(tmp_path: Path, robot: str | None, unit: str) -> None:
+    exchanged = exchange(turning(), slice(150, None)).rename(columns=lambda name: name.replace("_mm", f"_{unit}"))
+    write_marks(exchanged, tmp_path / "marks.csv")
+    request = Request(robot=None if robot is None else read_geometry(Path(robot)))
+    found = measure_table(tmp_path / "marks.csv", request)
+    assert any("green and yellow are exchanged in 50 of 200 rows" in line for line in found.lines)
+    write_marks(turning().rename(columns=lambda name: name.replace("_mm", f"_{unit}")), tmp_path / "marks.csv")
+    assert measure_table(tmp_path / "marks.csv", request).lines == tuple(
+        line for line in found.lines if "exchanged" not in line
+    )

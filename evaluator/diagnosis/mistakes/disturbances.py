@@ -31,7 +31,7 @@ from simulator.robot import Robot
 # Positions of marks err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations for one run among
 # others, because any of two dozen may be outlying, and three after correction for a keystone at its position.
 ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
-UNITS = {**{unit: 1 / size_mm for unit, size_mm in MM_PER.items() if unit != "mm"}, "µm": 1e3}  # per mm
+UNITS = {unit.replace("um", "µm"): 1 / size_mm for unit, size_mm in MM_PER.items() if unit != "mm"}  # per mm
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
 PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of length, is in pixels
 LATE_S = 0.1  # more than the error of a start that is determined by counting frames
