@@ -16,7 +16,7 @@ import numpy as np
 from evaluator.capture.clock import MICRO, CaptureClock, ClockReport
 from evaluator.capture.light import LightRegion, light_on
 from evaluator.capture.source import Arrival, Camera
-from evaluator.capture.start import Signal
+from evaluator.capture.start import Ready, Signal
 from evaluator.capture.writer import TICK, Writer
 from evaluator.errors import InputError
 from evaluator.files import write_text
@@ -120,19 +120,20 @@ def record_camera(
     """
     wanted = start or CaptureStart()
     path = None if out is None else Path(out)
-    send, moment = wanted.signal() if wanted.signal else ((lambda: None), (lambda: None))
+    signal = Ready() if wanted.signal is None else wanted.signal()
     under = _Under(wanted)
-    with closing(Camera(str(source), size=size, rate=rate, pixels=pixels)) as camera:
+    paced = wanted.signal is not None  # the time of a signal means nothing in a file that is read at once
+    with closing(Camera(str(source), size=size, rate=rate, pixels=pixels, paced=paced)) as camera:
         opened = nullcontext() if path is None else Writer(path, camera.stream)
         with opened as writer, closing(_Observer(watch)) as observer:
             try:
-                _run(camera, writer, under, seconds, send, observer, progress)
+                _run(camera, writer, under, seconds, signal.send, observer, progress)
             except (Cancelled, KeyboardInterrupt):
                 if not under.clock.times_s:
                     raise
     if not under.clock.times_s:
         raise InputError(f"{source}: delivered no frames")
-    result = _captured(path, under, moment())
+    result = _captured(path, under, signal)
     if path is not None:
         clock = {"times_from": result.clock.source, **asdict(result.clock)}
         content = {"format": 1, "video": path.name, **clock, "source": str(source)}
@@ -195,7 +196,7 @@ class _Observer:
         self._thread.shutdown(wait=True, cancel_futures=True)
 
 
-def _captured(path: Path | None, under: _Under, moment_s: float | None) -> Captured:
+def _captured(path: Path | None, under: _Under, signal: Ready) -> Captured:
     """The finished recording, with the requested start."""
     clock = under.clock.report()
     if under.start.light is not None:
@@ -205,7 +206,7 @@ def _captured(path: Path | None, under: _Under, moment_s: float | None) -> Captu
         except InputError as error:
             return Captured(path, clock, start_note=str(error))
         return Captured(path, clock, *found)
-    if moment_s is not None:
+    fault, moment_s = signal.fault(), signal.moment()
+    if moment_s is not None and not fault:
         return Captured(path, clock, *under.clock.in_recording(moment_s))
-    note = "no start signal" if under.start.signal else ""
-    return Captured(path, clock, start_note=note)
+    return Captured(path, clock, start_note=fault or ("no start signal" if under.start.signal else ""))

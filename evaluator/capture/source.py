@@ -30,12 +30,19 @@ class Camera:
     """An opened source; iterate once."""
 
     def __init__(
-        self, name: str, *, size: str | None = None, rate: float | None = None, pixels: str | None = None
+        self,
+        name: str,
+        *,
+        size: str | None = None,
+        rate: float | None = None,
+        pixels: str | None = None,
+        paced: bool = False,
     ) -> None:
         """Open a source.
 
         name: number of a camera of this system, a device, an address or a file. size ("640x480"), rate (frames/s),
-        pixels ("mjpeg", "yuyv422"): requested mode. Raises InputError if it cannot be opened or has no video.
+        pixels ("mjpeg", "yuyv422"): requested mode. paced: a file delivers its frames at their times, as a camera does,
+        and not as fast as it can be read. Raises InputError if it cannot be opened or has no video.
         """
         self.name = name
         place, form = _place(name)
@@ -56,6 +63,8 @@ class Camera:
             raise InputError(f"{name}: gives no video")
         self.stream: Any = self._container.streams.video[0]
         self.stream.thread_type = "SLICE"  # frame threads would delay frames
+        self._paced = paced and Path(name).is_file()
+        self._begun: tuple[float, float] | None = None  # time of the first packet, by the computer and by its stamp
 
     def __iter__(self) -> Iterator[Arrival]:
         """Packets until the source ends or cannot be read."""
@@ -63,6 +72,8 @@ class Camera:
         while True:
             try:
                 packet = next(packets)
+                if self._paced and packet.dts is not None:
+                    self._wait(float(packet.dts * packet.time_base))
                 arrived = time.perf_counter()
                 yield Arrival(packet, tuple(packet.decode()), arrived)
             except StopIteration:
@@ -71,6 +82,13 @@ class Camera:
                 continue  # a damaged packet is a lost frame, which is visible as a gap of times
             except (av.error.FFmpegError, OSError):
                 return  # unplugged: the recording up to now is complete
+
+    def _wait(self, stamp_s: float) -> None:
+        """Wait until a packet is due that has this time stamp."""
+        if self._begun is None:
+            self._begun = time.perf_counter(), stamp_s
+        since_s, first_s = self._begun
+        time.sleep(max(since_s + stamp_s - first_s - time.perf_counter(), 0.0))
 
     def close(self) -> None:
         """Release the camera."""

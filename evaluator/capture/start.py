@@ -7,6 +7,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TextIO
 
 from evaluator.errors import InputError
@@ -14,15 +15,23 @@ from evaluator.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Moment = Callable[[], float | None]  # time of the signal by time.perf_counter, s; None before
-# Prepares the signal (opens ports, finds programs), and returns functions that send it and return its time.
-Signal = Callable[[], tuple[Callable[[], None], Moment]]
+
+@dataclass(frozen=True)
+class Ready:
+    """A prepared signal: how to send it, its time by time.perf_counter in s (None before), and why it failed, if so."""
+
+    send: Callable[[], None] = lambda: None
+    moment: Callable[[], float | None] = lambda: None
+    fault: Callable[[], str] = lambda: ""
+
+
+Signal = Callable[[], Ready]  # prepares it: opens ports, finds programs
 
 
 def line_on(stream: TextIO) -> Signal:
     """Start signal: a line on a text stream."""
 
-    def prepare() -> tuple[Callable[[], None], Moment]:
+    def prepare() -> Ready:
         seen: list[float] = []
 
         def wait() -> None:
@@ -30,7 +39,7 @@ def line_on(stream: TextIO) -> Signal:
                 seen.append(time.perf_counter())
 
         threading.Thread(target=wait, daemon=True).start()
-        return (lambda: None), (lambda: seen[0] if seen else None)
+        return Ready(moment=lambda: seen[0] if seen else None)
 
     return prepare
 
@@ -38,18 +47,23 @@ def line_on(stream: TextIO) -> Signal:
 def program(command: str) -> Signal:
     """Start signal: the start of a program of the user that starts the motors."""
 
-    def prepare() -> tuple[Callable[[], None], Moment]:
+    def prepare() -> Ready:
         import shutil
 
         words: Sequence[str] = shlex.split(command)
         if not words or shutil.which(words[0]) is None:
             raise InputError(f"--start-program {command}: no such program; give its path and its arguments")
 
-        def run() -> None:
-            process = subprocess.Popen(words, stdin=subprocess.DEVNULL)  # noqa: S603  # the user's own program
-            threading.Thread(target=process.wait, daemon=True).start()
+        started: list[subprocess.Popen[bytes]] = []
 
-        return _once(run)
+        def run() -> None:
+            started.append(subprocess.Popen(words, stdin=subprocess.DEVNULL))  # noqa: S603  # the user's own program
+
+        def fault() -> str:
+            status = started[0].poll() if started else None
+            return f"{command} ended with status {status}; did it start the motors?" if status else ""
+
+        return replace(_once(run), fault=fault)
 
     return prepare
 
@@ -57,7 +71,7 @@ def program(command: str) -> Signal:
 def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
     """Start signal: the time at which the last byte of a command was passed to a serial port."""
 
-    def prepare() -> tuple[Callable[[], None], Moment]:
+    def prepare() -> Ready:
         try:
             import serial  # type: ignore[import-untyped, import-not-found, unused-ignore]
         except ImportError as error:
@@ -76,7 +90,7 @@ def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
     return prepare
 
 
-def _once(action: Callable[[], Any]) -> tuple[Callable[[], None], Moment]:
+def _once(action: Callable[[], Any]) -> Ready:
     """Do the action on the first call; its time is the middle of its execution."""
     done: list[float] = []
 
@@ -86,4 +100,4 @@ def _once(action: Callable[[], Any]) -> tuple[Callable[[], None], Moment]:
             action()
             done.append((before + time.perf_counter()) / 2)
 
-    return send, (lambda: done[0] if done else None)
+    return Ready(send, lambda: done[0] if done else None)
