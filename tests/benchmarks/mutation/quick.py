@@ -39,6 +39,8 @@ class Trial:
         """chosen: mutants to try; reach: a plugin of the same session, which notes what each test calls."""
         self.chosen, self.reach, self.longest_s = chosen, reach, longest_s
         self.failed, self.tried, self.survived = False, 0, 0
+        self.fit: dict[tuple[Path, str], bool] = {}
+        self.file_s: dict[str, float] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note that a test has failed."""
@@ -46,77 +48,76 @@ class Trial:
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Run the unchanged tests, then try the mutants."""
-        if not self._pass(session.items):
+        self._run(session.items)
+        if self.failed:
             print("the tests do not pass on the unchanged code")
             return True
         session.config.pluginmanager.unregister(self.reach)
         for test in [test for test, time_s in self.reach.time_s.items() if time_s > self.longest_s]:
             print(f"left out: {test}, {self.reach.time_s[test]:.1f} s")
             self.reach.called.pop(test, None)
+        for test, time_s in self.reach.time_s.items():
+            file = test.partition("::")[0]
+            self.file_s[file] = self.file_s.get(file, 0.0) + time_s
         code = units(ROOT)
         for other in _ours():  # read here, once, and not in every fork
             _imported(Path(str(other.__file__)))
         gc.freeze()
         called = self.reach.called
         reached = [tests_of(mutant.path, mutant.line, code, called, in_process=True) for mutant in self.chosen]
-        items = [sorted((item for item in session.items if item.nodeid in ids), key=self._cost) for ids in reached]
-        fit: dict[Path, set[str]] = {}
-        for number, (mutant, tests) in enumerate(zip(self.chosen, items, strict=True), 1):
-            if mutant.path not in fit:
-                of_module = [
-                    item
-                    for other, some in zip(self.chosen, items, strict=True)
-                    if other.path == mutant.path
-                    for item in some
-                ]
-                fit[mutant.path] = self._passing(mutant.path, sorted(dict.fromkeys(of_module), key=self._cost))
-            able = [item for item in tests if item.nodeid in fit[mutant.path]]
-            if tests and not able:
-                outcome = "not tried: no test passes on the unchanged module, executed again"
-            else:
-                noticed = bool(able) and self._notice(mutant.path, mutant.text(), able)
-                self.tried += 1
-                self.survived += not noticed
-                outcome = "noticed" if noticed else f"survived {len(able)} tests"
+        for number, (mutant, ids) in enumerate(zip(self.chosen, reached, strict=True), 1):
+            tests = sorted((item for item in session.items if item.nodeid in ids), key=self._cost)
+            outcome = self._outcome(mutant, tests)
+            self.tried += not outcome.startswith("not tried")
+            self.survived += outcome.startswith("survived")
             print(f"{number}/{len(self.chosen)}  {mutant.path}:{mutant.line}  {mutant.change}  {outcome}", flush=True)
         return True
 
-    def _cost(self, item: pytest.Item) -> tuple[str, float]:
-        """Tests of a file stay together, for what they share."""
-        return item.nodeid.partition("::")[0], self.reach.time_s[item.nodeid]
+    def _outcome(self, mutant: Mutant, tests: Sequence[pytest.Item]) -> str:
+        """What becomes of a mutant: a test that fails without a change as well does not notice it."""
+        able = list(tests)
+        while able:
+            failed = self._failing(mutant.path, mutant.text(), able)
+            if failed is None:
+                return f"survived {len(able)} tests"
+            if self._is_fit(mutant.path, able[failed]):
+                return f"noticed by {able[failed].nodeid.rpartition('/')[2]}"
+            del able[failed]
+        return "not tried: no test passes on the unchanged module, executed again" if tests else "survived 0 tests"
 
-    def _pass(self, tests: Sequence[pytest.Item]) -> bool:
-        for item, following in zip(tests, [*tests[1:], None], strict=True):
+    def _is_fit(self, path: Path, test: pytest.Item) -> bool:
+        """Whether a test passes where a module is executed again as it is."""
+        if (path, test.nodeid) not in self.fit:
+            self.fit[path, test.nodeid] = self._failing(path, unchanged(path), [test]) is None
+        return self.fit[path, test.nodeid]
+
+    def _cost(self, item: pytest.Item) -> tuple[float, str, float]:
+        """Cheap files first; tests of a file stay together, for what they share."""
+        file = item.nodeid.partition("::")[0]
+        return self.file_s[file], file, self.reach.time_s[item.nodeid]
+
+    def _run(self, tests: Sequence[pytest.Item], note: Callable[[int], None] = lambda _: None) -> None:
+        """Run tests until one fails; note: called with the place of each beforehand."""
+        for place, (item, following) in enumerate(zip(tests, [*tests[1:], None], strict=True)):
+            note(place)
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             if self.failed:
-                return False
-        return True
+                return
 
-    def _passing(self, path: Path, tests: Sequence[pytest.Item]) -> set[str]:
-        """Those of some tests that pass in a fork in which a module is executed again as it is."""
+    def _failing(self, path: Path, text: str, tests: Sequence[pytest.Item]) -> int | None:
+        """Place of the first test that fails, or takes far too long, in a fork where a module has another text."""
         with tempfile.TemporaryFile("w+") as found:
 
             def run() -> None:
-                change(path, unchanged(path))
-                for item, following in zip(tests, [*tests[1:], None], strict=True):
-                    self.failed = False
-                    item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-                    if not self.failed:
-                        print(item.nodeid, file=found, flush=True)
+                change(path, text)
+                self._run(tests, lambda place: print(place, file=found, flush=True))
+                if self.failed:
+                    raise AssertionError
 
-            in_fork(run, 3 * self._usual_s(tests) + 20)
+            if in_fork(run, 3 * self._usual_s(tests) + 20) == 0:
+                return None
             found.seek(0)
-            return set(found.read().splitlines())
-
-    def _notice(self, path: Path, text: str, tests: Sequence[pytest.Item]) -> bool:
-        """Whether a test fails in a fork in which a module has another text, or takes far longer than usual."""
-
-        def run() -> None:
-            change(path, text)
-            if not self._pass(tests):
-                raise AssertionError
-
-        return in_fork(run, 3 * self._usual_s(tests) + 20) != 0
+            return int((found.read().split() or ["0"])[-1])
 
     def _usual_s(self, tests: Sequence[pytest.Item]) -> float:
         return sum(self.reach.time_s[item.nodeid] for item in tests)
