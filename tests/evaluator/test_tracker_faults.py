@@ -106,7 +106,7 @@ def exchange(table: pd.DataFrame, rows: slice) -> pd.DataFrame:
     return changed
 
 
-@pytest.mark.parametrize("rows", [slice(150, None), slice(60, 80), slice(199, None), slice(0, 80)])
+@pytest.mark.parametrize("rows", [slice(150, None), slice(60, 120), slice(199, None), slice(0, 80)])
 @pytest.mark.parametrize("gap", [0, 20])
 def test_marks_that_are_exchanged_midway_are_put_back_with_all_that_is_said_of_them(rows: slice, gap: int) -> None:
     table = turning()
@@ -115,6 +115,20 @@ def test_marks_that_are_exchanged_midway_are_put_back_with_all_that_is_said_of_t
     seen = table["green_x_mm"].notna()
     pd.testing.assert_frame_equal(found[seen], table[seen], check_flags=False, check_dtype=False)
     assert "green and yellow are exchanged in" in found.attrs["faults"][0]
+
+
+def test_marks_that_are_exchanged_twice_are_put_back_both_times() -> None:
+    table = turning()
+    found = without_faults(exchange(exchange(table, slice(40, 60)), slice(90, 120)), NAMES)
+    pd.testing.assert_frame_equal(found, table, check_flags=False, check_dtype=False)
+
+
+@pytest.mark.parametrize(("times", "notes"), [(0.9, 1), (0.7, 0)])
+def test_marks_that_are_a_quarter_too_near_each_other_are_not_exchanged_but_wrong(times: float, notes: int) -> None:
+    table = turning()
+    green, yellow = (table.loc[100, columns_of([name])].to_numpy(float) for name in NAMES)
+    table.loc[100, columns_of(["green"])] = yellow + times * (yellow - green)
+    assert len(without_faults(table, NAMES).attrs["faults"]) == notes
 
 
 def test_the_smaller_part_is_put_back() -> None:
