@@ -26,7 +26,7 @@ CHORD = 0.15  # of the image's shorter side: half the length of the chords by wh
 POSE, PINHOLE, DISTORTION = slice(0, 6), slice(6, 10), slice(10, 16)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Camera:
     """A fixed camera over the plate.
 
@@ -50,6 +50,24 @@ class Camera:
             array = np.array(getattr(self, name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def __repr__(self) -> str:
+        """One line: image size, lens, focal length and height above the plate."""
+        width, height = self.size_px
+        return (
+            f"Camera({width} × {height} px, {self.lens} lens, focal length {self.value('focal_px'):.1f} px, "
+            f"{camera_height(self.pose)[0]:.1f} mm above the plate)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Every parameter with its standard uncertainty as a table, for notebooks; fixed parameters are omitted."""
+        rows = (
+            f"<tr><th>{name}</th><td>{self.value(name):.6g}</td><td>{self.sigma(name):.2g}</td></tr>"
+            for name in PARAMETERS
+            if self.sigma(name) > 0
+        )
+        head = "<tr><th>parameter</th><th>value</th><th>sigma</th></tr>"
+        return f"<p>{self!r}</p><table>{head}{''.join(rows)}</table>"
 
     def value(self, name: str) -> float:
         """One parameter by its name."""

@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 from evaluator.interchange.commands import RunCommand
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
-from evaluator.robot_geometry import mark_geometry
 from evaluator.turning import Turning, only_mark
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
@@ -54,7 +53,7 @@ def simulated_poses(robot: Robot, run_command: RunCommand, poses: Poses, run_ind
     first = float(poses.time_s[0])
     start_s = run_command.start_s if run_command.starts_at_rest and run_command.start_s is not None else first
     measured = start_pose(poses, start_s, at_rest=run_command.starts_at_rest)
-    start = State(*resting_pose(view_of(robot), mark_geometry(robot), measured))
+    start = State(*resting_pose(view_of(robot), MarkGeometry.of_robot(robot), measured))
     return _simulated_from(start, robot, run_command, poses, run_index)
 
 
@@ -84,7 +83,7 @@ def _simulated_from(
     if not run_command.starts_at_rest:
         start = moving_state(robot, command, start, float(poses.time_s[0]) / factor, run_index)
     motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)
-    return motion, poses_from_marks(marks_of_run(robot, motion), mark_geometry(robot))
+    return motion, poses_from_marks(marks_of_run(robot, motion), MarkGeometry.of_robot(robot))
 
 
 def resting_pose(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -27,13 +27,31 @@ CORNER = "_corner"  # part of the names of corners of tags
 AHEAD, TO_THE_LEFT = 1.1, 0.55
 
 
+class MarkAtHeight(Protocol):
+    """A mark as `MarkGeometry.of_robot` reads it."""
+
+    @property
+    def height_mm(self) -> float: ...  # noqa: D102
+
+
+class RobotWithMarks(Protocol):
+    """A robot as `MarkGeometry.of_robot` reads it, such as simulator.Robot."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def layout(self) -> Sequence[MarkAtHeight]: ...  # noqa: D102
+    @property
+    def points_mm(self) -> Mapping[str, Place]: ...  # noqa: D102
+
+
 @dataclass(frozen=True, init=False, eq=True)
 class MarkGeometry:
     """Positions of the marks on the robot: body frame, mm; height_mm above the plate (needed with a camera only).
 
     MarkGeometry({"front": (2, 0), "rear": (-2, 0)}, height_mm=6.5); with keywords as in [marks] of robot.toml,
     MarkGeometry(front_mm=(2, 0), rear_mm=(-2, 0)); or positions alone, MarkGeometry((2, 0), (-2, 0)), for the marks of
-    a table in its order.
+    a table in its order. MarkGeometry.of_robot(robot) takes positions and height from a robot.
     """
 
     places_mm: Mapping[str, Place]
@@ -60,6 +78,11 @@ class MarkGeometry:
                 )
         object.__setattr__(self, "places_mm", found)
         object.__setattr__(self, "height_mm", height)
+
+    @staticmethod
+    def of_robot(robot: RobotWithMarks) -> MarkGeometry:
+        """Positions and height of the marks of a robot. Raises InputError if they are at different heights."""
+        return MarkGeometry(robot.points_mm, height_mm=equal_height_mm(robot.layout, robot.name))
 
     def __getattr__(self, name: str) -> Place:
         """Positions by the keys of [marks], NAME_mm."""
@@ -114,6 +137,14 @@ class MarkGeometry:
     def _apart(self, first: str, second: str) -> float:
         one, other = self.places_mm[first], self.places_mm[second]
         return float(np.hypot(one[0] - other[0], one[1] - other[1]))
+
+
+def equal_height_mm(layout: Sequence[MarkAtHeight], name: str) -> float:
+    """The height of all marks of a robot with this name. Raises InputError if they are at different heights."""
+    heights = sorted({mark.height_mm for mark in layout})
+    if len(heights) > 1:
+        raise InputError(f"{name}: marks of different heights {heights}; measuring needs equal ones")
+    return heights[0]
 
 
 def _place(place: Any) -> Place:

@@ -33,7 +33,7 @@ NEIGHBOURS = 31  # frames whose common heading shows that one of them, or up to 
 NO_HEADING = "no heading: a single mark has a position only"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Poses:
     """Poses of the robot's centre over time, plate frame; NaN where a frame has none, with the reason in `status`.
 
@@ -62,6 +62,24 @@ class Poses:
                 array = np.array(value, dtype=float)
                 array.setflags(write=False)
                 object.__setattr__(self, name, array)
+
+    def __repr__(self) -> str:
+        """One line: frames, frames with a pose, time, first and last position."""
+        return "Poses(" + ", ".join(f"{name} {value}" for name, value in self._facts().items()) + ")"
+
+    def _repr_html_(self) -> str:
+        """Content of __repr__ as a table, for notebooks."""
+        rows = (f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in self._facts().items())
+        return f"<table>{''.join(rows)}</table>"
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"frames": f"{len(self.time_s)}", "with a pose": f"{self.measured.sum()}"}
+        known = np.flatnonzero(np.isfinite(self.x_mm))
+        if len(known):
+            facts["time"] = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s"
+            for name, at in (("from", known[0]), ("to", known[-1])):
+                facts[name] = f"({self.x_mm[at]:.2f}, {self.y_mm[at]:.2f}) mm"
+        return facts
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -117,7 +135,10 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
     systematic = None
     if camera is not None:
         if geometry.height_mm is None:
-            raise InputError("marks: a camera needs their height above the plate; say height_mm")
+            raise InputError(
+                "marks: with a camera their height above the plate is needed; use MarkGeometry.of_robot(robot), or "
+                "MarkGeometry(…, height_mm=…)"
+            )
         by_name = {name: points[:, k] for k, name in enumerate(names)}
         systematic = systematic_shifts(marks, by_name, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
     return Poses(

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
-from evaluator.mark_geometry import MarkGeometry
+from evaluator.mark_geometry import MarkGeometry, equal_height_mm
 from evaluator.marks import columns_of
 from evaluator.pose import NO_HEADING, poses_from_marks
 from evaluator.settings import MeasuredRobot, load_measured
@@ -60,7 +60,7 @@ def read_geometry(name_or_path: Path) -> RobotGeometry:
     Raises SimulationError for an unknown name, else InputError that names file, place and remedy.
     """
     said = read_with(load_measured, name_or_path)
-    _equal_heights(said.layout, str(name_or_path))
+    equal_height_mm(said.layout, str(name_or_path))  # raises if they differ
     return RobotGeometry(said.layout, _shape(said))
 
 
@@ -130,21 +130,9 @@ def sought(robot: RobotGeometry, said: TrackingSettings | None) -> TrackingSetti
     return said.model_copy(update=changes)
 
 
-def mark_geometry(robot: Robot | MeasuredRobot) -> MarkGeometry:
-    """Positions of the marks: body frame and height above the plate, mm. Raises InputError for different heights."""
-    _equal_heights(robot.layout, robot.name)
-    return MarkGeometry(robot.points_mm, height_mm=robot.layout[0].height_mm)
-
-
-def marks_height_mm(robot: Robot | MeasuredRobot) -> float:
-    """Height of the marks above the plate. Raises InputError for different heights."""
-    _equal_heights(robot.layout, robot.name)
-    return robot.layout[0].height_mm
-
-
 def reference_pair(robot: Robot) -> tuple[str, str] | None:
     """The two marks (or corners of a tag) of a robot that are farthest apart; None for a robot with one mark."""
-    return mark_geometry(robot).farthest_pair() if len(robot.points_mm) > 1 else None
+    return MarkGeometry.of_robot(robot).farthest_pair() if len(robot.points_mm) > 1 else None
 
 
 def reference_places(robot: Robot) -> list[tuple[float, float]]:
@@ -182,7 +170,7 @@ def reference_marks(table: pd.DataFrame, robot: Robot) -> pd.DataFrame:
         raise InputError(f"{robot.name}: {NO_HEADING}; two marks are needed")
     if len(robot.points_mm) == len(pair):
         return table
-    geometry = mark_geometry(robot)
+    geometry = MarkGeometry.of_robot(robot)
     poses = poses_from_marks(table, geometry)
     usual = np.nanmedian(poses.spacing_mm) if np.isfinite(poses.spacing_mm).any() else geometry.spacing_mm
     size = np.where(np.isfinite(poses.spacing_mm), poses.spacing_mm, usual) / geometry.spacing_mm
@@ -196,12 +184,6 @@ def reference_marks(table: pd.DataFrame, robot: Robot) -> pd.DataFrame:
 
 def _points(layout: tuple[Mark, ...]) -> dict[str, tuple[float, float]]:
     return {name: place for mark in layout for name, place in mark.points_mm().items()}
-
-
-def _equal_heights(layout: tuple[Mark, ...], name: str) -> None:
-    heights = {mark.height_mm for mark in layout}
-    if len(heights) > 1:
-        raise InputError(f"{name}: marks of different heights {sorted(heights)}; measuring needs equal ones")
 
 
 def robot_shape(robot: Robot | MeasuredRobot) -> RobotShape | None:

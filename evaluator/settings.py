@@ -16,6 +16,7 @@ from pydantic_core import PydanticKnownError
 from evaluator.errors import InputError
 from evaluator.interchange.bags import Topics
 from evaluator.interchange.tracks import Tracks
+from evaluator.wording import counted
 from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
@@ -187,6 +188,10 @@ class Experiment(Table):
     date: dt.date | None = None  # of the recording; orders the sessions of `turnscope trends`
     notes: str = ""
 
+    def __repr__(self) -> str:
+        """One line: name, robot and number of runs."""
+        return f"Experiment({self.name}: robot {self.robot}, {counted(len(self.run), 'run')})"
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if not self.run:
@@ -200,7 +205,7 @@ class Experiment(Table):
         return self
 
 
-def load_experiment(path: Path) -> Experiment:
+def load_experiment(path: Path | str) -> Experiment:
     """Read experiment.toml; paths in it are taken relative to it.
 
     A missing recording is a fault of its run, found during its analysis, not of the experiment.
@@ -219,11 +224,7 @@ def load_experiment(path: Path) -> Experiment:
     runs = tuple(
         run.model_copy(
             update={
-                "video": absolute(run.video),
-                "marks": absolute(run.marks),
-                "poses": absolute(run.poses),
-                "commands": absolute(run.commands),
-                "corrections": absolute(run.corrections),
+                **{key: absolute(getattr(run, key)) for key in ("video", "marks", "poses", "commands", "corrections")},
                 "camera": absolute(run.camera or raw.camera),
                 "topics": run.topics or raw.commands,
                 "robot": robot(run.robot or raw.robot),

@@ -44,7 +44,7 @@ class Stretch:
         return self.left_rpm != 0.0 or self.right_rpm != 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Command:
     """Piecewise linear commands with jumps.
 
@@ -75,6 +75,14 @@ class Command:
             raise SimulationError(
                 f"command times must not decrease; {self.time_s[back[0] + 1]} s comes after later ones"
             )
+
+    def __repr__(self) -> str:
+        """One line: number of knots, their times, and the range of both commands."""
+        sides = (
+            f"{side} {rpm.min():g} to {rpm.max():g} rpm"
+            for side, rpm in (("left", self.left_rpm), ("right", self.right_rpm))
+        )
+        return f"Command({len(self.time_s)} knots from {self.time_s[0]:g} to {self.time_s[-1]:g} s, {', '.join(sides)})"
 
     @cached_property
     def knots(self) -> Array:

@@ -30,6 +30,14 @@ class Robot(NominalRobot):
     def _in_units_of_the_catalogue(cls, entries: Any) -> Any:
         return [_entry_in_standard_units(item) for item in entries] if isinstance(entries, list | tuple) else entries
 
+    def __repr__(self) -> str:
+        """One line: the name, the wheels, the marks and the effects."""
+        effects = ", ".join(entry.id for entry in self.effect) or "none"
+        return (
+            f"Robot({self.name}: {len(self.all_wheels)} wheels, marks {', '.join(mark.name for mark in self.layout)}, "
+            f"effects {effects})"
+        )
+
     @model_validator(mode="after")
     def _known_effects(self) -> Self:
         if faults := faults_of_effects(self.effect):

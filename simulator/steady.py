@@ -31,7 +31,7 @@ SETTLING_S = np.array([0.0, 2.0])
 SAME = 1e-6  # equilibria closer than this share of the largest surface speed are one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SteadyTurn:
     """A steady turn; curvature_per_mm is positive for a centre to the robot's left, 0 on a straight line.
 
@@ -45,6 +45,14 @@ class SteadyTurn:
     curvature_per_mm: float
     stable: bool
     wheels: WheelStates
+
+    def __repr__(self) -> str:
+        """One line: signed radius, speed and yaw rate."""
+        unstable = "" if self.stable else ", unstable"
+        return (
+            f"SteadyTurn(radius {self.radius_mm:.4g} mm, {self.speed_mm_s:.4g} mm/s, "
+            f"{np.degrees(self.yaw_rate_rad_s):.4g} deg/s{unstable})"
+        )
 
     @property
     def speed_mm_s(self) -> float:

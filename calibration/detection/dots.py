@@ -6,7 +6,7 @@ see calibration.estimation.disc_projection.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ PLENTY = (25, 0.8)
 SAME = 0.15  # of the radius: blobs of two thresholds that are closer are one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Dots:
     """Dots found in one image, in no order.
 
@@ -59,7 +59,11 @@ class Dots:
     noise: Array
     shape: Array
     color: Array
-    plane: Plane = field(repr=False)
+    plane: Plane
+
+    def __repr__(self) -> str:
+        """One line: count of dots, and size of the image."""
+        return f"Dots({len(self)} in an image of {self.size_px[0]} × {self.size_px[1]} px)"
 
     def __len__(self) -> int:
         """Count of dots."""

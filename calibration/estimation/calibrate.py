@@ -43,7 +43,7 @@ MOST_LEFT_OUT = 1 / 3
 FEWEST_IMAGES = 3  # that must remain if others are left out: fewer do not show which one is wrong
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibration:
     """A camera with the evidence for its quality.
 
@@ -66,6 +66,10 @@ class Calibration:
     distance_mm: tuple[float, float] | None = None
     flatness: Flatness | None = None
     left_out: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        """One line: the images used, the residual and the camera."""
+        return f"Calibration({len(self.views)} images, residual {self.rms_px:.3f} px RMS; {self.camera!r})"
 
     @property
     def excess(self) -> float:

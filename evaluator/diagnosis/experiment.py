@@ -25,8 +25,9 @@ from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.tracker_faults import without_faults
+from evaluator.mark_geometry import equal_height_mm
 from evaluator.marks import columns_of, mark_names, read_marks
-from evaluator.robot_geometry import marks_height_mm, reference_line, reference_marks, reference_pair
+from evaluator.robot_geometry import reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from evaluator.wording import counted
 from simulator.robot import Robot, load_robot
@@ -179,7 +180,7 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
                 pairs[name],
                 f"camera {list(known).index(camera) + 1}",
                 known[camera],
-                marks_height_mm(robots[name]),
+                equal_height_mm(robots[name].layout, robots[name].name),
             )
             if camera
             else None

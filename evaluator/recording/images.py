@@ -48,6 +48,10 @@ class ImageSequence:
         self._notes: list[str] = []
         self._done = 0
 
+    def __repr__(self) -> str:
+        """One line: the name, the number of images and the rate."""
+        return f"ImageSequence({self.name}, {self.expected_frames} images, {float(1 / self.tick):g} frames/s)"
+
     def __iter__(self) -> Iterator[Frame]:
         """Read the images in order. Raises InputError for one that cannot be read or differs in size."""
         self._duplicates, self._notes, self._done = [], [], 0

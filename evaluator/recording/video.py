@@ -74,6 +74,11 @@ class Recording:
         self._packets: Undiscarded | None = None  # of the last iteration
         self._reset()
 
+    def __repr__(self) -> str:
+        """One line: the name, the size and the rate."""
+        rate = "unknown rate" if self.nominal_rate is None else f"{float(self.nominal_rate):g} frames/s"
+        return f"Recording({self.name}, {self.size_px[0]} × {self.size_px[1]} px, {rate})"
+
     def _reset(self) -> None:
         self._ticks: list[int] = []
         self._duplicates: list[int] = []

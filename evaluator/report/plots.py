@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evaluator.errors import InputError
 from evaluator.report.style import INK, MEASURED, SIMULATED, THEORY
 
 if TYPE_CHECKING:
@@ -23,7 +24,12 @@ GRID = 21  # lines of the grid of a camera's field in each direction
 
 
 def plot_run(run: Run | Poses, axes: Axes | None = None, *, label: str | None = None) -> Axes:
-    """Draw the path of the robot's centre: a simulated Run dashed, measured Poses solid; the start is marked."""
+    """Draw the path of the robot's centre: a simulated Run dashed, measured Poses solid; the start is marked.
+
+    Raises InputError for a table of marks, which has no path of the centre.
+    """
+    if not hasattr(run, "heading_rad"):
+        raise InputError("plot_run draws poses or a simulated run; compute poses with evaluator.poses_from_marks first")
     axes = _axes(axes)
     series = SIMULATED if hasattr(run, "u_mm_s") else MEASURED
     axes.plot(run.x_mm, run.y_mm, series.line, color=series.color, label=label)

@@ -17,6 +17,7 @@ from evaluator.workflow.samples import copy_samples
 from tests.end_to_end.notebook import NOTEBOOK, run_cells
 
 LARGEST_BYTES = 150_000
+CAMERA = calibration.camera_above(size_px=(640, 480), focal_px=2300.0, distance_mm=150.0)
 
 
 def test_the_notebook_gives_the_text_that_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,12 +44,17 @@ def test_values_are_shown_in_a_line_and_as_html() -> None:
     assert repr(run).startswith("Run(samples 61, time 0 to 1 s, from (0.00, 0.00) mm, to (")
     marks = simulator.marks_of_run(simulator.load_robot("barrel"), run)
     robot = simulator.load_robot("barrel")
-    geometry = evaluator.MarkGeometry(robot.marks.green_mm, robot.marks.yellow_mm)
-    turning = evaluator.measure_turning(evaluator.poses_from_marks(marks, geometry))
-    for value in (run, turning):
+    poses = evaluator.poses_from_marks(marks, evaluator.MarkGeometry.of_robot(robot))
+    turning = evaluator.measure_turning(poses)
+    camera, steady = CAMERA, simulator.steady_turn(robot, 33.3, 14.4)
+    for value in (run, turning, poses, camera, steady, robot, simulator.Command.constant(33.3, 14.4)):
         assert "\n" not in repr(value)
         assert "array" not in repr(value)
-        assert value._repr_html_().startswith("<table>")
+    assert repr(camera).startswith("Camera(640 × 480 px, brown lens, focal length ")
+    assert repr(steady).startswith("SteadyTurn(radius -5.93")
+    assert repr(poses).startswith("Poses(frames 61, with a pose 61, time 0 to 1 s, from (0.00, 0.00) mm, to (")
+    for value in (run, turning, poses, camera):
+        assert "<table>" in value._repr_html_()
 
 
 def test_marks_that_have_no_place_on_the_plate_are_refused_in_a_sentence() -> None:
@@ -56,9 +62,12 @@ def test_marks_that_have_no_place_on_the_plate_are_refused_in_a_sentence() -> No
     robot = simulator.load_robot("barrel")
     marks = simulator.marks_of_run(robot, run)
     in_px = marks.rename(columns=lambda name: name.replace("_mm", "_px"))
-    geometry = evaluator.MarkGeometry(robot.marks.green_mm, robot.marks.yellow_mm)
     with pytest.raises(InputError, match="only a camera tells where on the plate"):
-        evaluator.poses_from_marks(in_px, geometry)
+        evaluator.poses_from_marks(in_px, evaluator.MarkGeometry.of_robot(robot))
+    with pytest.raises(InputError, match=r"use MarkGeometry\.of_robot"):
+        evaluator.poses_from_marks(marks, evaluator.MarkGeometry(robot.points_mm), CAMERA)
+    with pytest.raises(InputError, match="compute poses with evaluator"):
+        evaluator.plot_run(marks)
 
 
 def test_a_diagnosis_is_drawn_before_and_after() -> None:

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from evaluator.comparison import simulated_poses, trajectory_gap
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
-from evaluator.robot_geometry import mark_geometry
 from evaluator.settings import Run
 from simulator.command import Command
 from simulator.effects.catalogue import BUILT_IN
@@ -94,7 +94,7 @@ def _measured(robot: Robot, command: tuple[float, float]) -> tuple[Run, Poses]:
             "marks": "r.csv",
         }
     )
-    return run, poses_from_marks(marks, mark_geometry(load_robot("barrel")))
+    return run, poses_from_marks(marks, MarkGeometry.of_robot(load_robot("barrel")))
 
 
 def _gap(measured_with: Robot, model: Robot) -> float:

@@ -27,9 +27,10 @@ from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of
 from evaluator.pose import poses_from_marks
-from evaluator.robot_geometry import mark_geometry, reference_pair
+from evaluator.robot_geometry import reference_pair
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
@@ -144,7 +145,7 @@ def predicted_gaps(
 def _predicted_gap(run: RunData, robot: Robot, measured_by: Robot) -> float:
     pair = reference_pair(measured_by) or ()
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
-    poses = poses_from_marks(table, mark_geometry(measured_by).only(pair))
+    poses = poses_from_marks(table, MarkGeometry.of_robot(measured_by).only(pair))
     _, seen = simulated_poses(robot, run.run_command, poses, run.order)
     return trajectory_gap(poses, seen)["gap_rms_mm"]
 

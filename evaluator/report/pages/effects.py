@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pandas as pd
 
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import poses_from_marks
 from evaluator.report.figures.effects import effect_figure
 from evaluator.report.numbers import true_minus
 from evaluator.report.pages.html import Page, Section, Table, page_html
-from evaluator.robot_geometry import mark_geometry
 from simulator.command import Command
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.definition import Effect
@@ -92,7 +92,7 @@ def _measured(robot: Robot, stated: Robot) -> pd.DataFrame:
     times = np.arange(round(1.25 * DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S  # a wrong clock may read less
     run = simulate(robot, Command.constant(LEFT_RPM, RIGHT_RPM), times, State(0.0, 0.0, 0.0), RUN_INDEX)
     marks = marks_of_run(robot, run)
-    poses = poses_from_marks(marks, mark_geometry(stated))
+    poses = poses_from_marks(marks, MarkGeometry.of_robot(stated))
     shown = np.arange(round(DURATION_S * FRAMES_PER_S) + 1) / FRAMES_PER_S
     measured_s = marks["time_s"].to_numpy()
     return pd.DataFrame(

@@ -4,27 +4,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evaluator.errors import InputError
 from evaluator.progress import Progress, no_progress
+from evaluator.wording import counted
 from evaluator.workflow.diagnosis.planned_experiment import write_planned
 from evaluator.workflow.simulation import robot_of
 from simulator.robot import Robot
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from evaluator.diagnosis.design.candidate_runs import CandidateRun
     from evaluator.diagnosis.design.plan import Expected
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """Planned runs in their order, and the significance, in sigmas, with which each effect would be detected."""
 
     runs: tuple[CandidateRun, ...]
     effects: tuple[Expected, ...]
+
+    def __repr__(self) -> str:
+        """One line: the numbers of runs and of parameters of effects."""
+        return f"Plan({counted(len(self.runs), 'run')}, {counted(len(self.effects), 'parameter')} of effects)"
+
+    def _repr_html_(self) -> str:
+        """Both tables, for notebooks."""
+        return "".join(table.to_html(float_format="{:.4g}".format) for table in self.tables())
+
+    def tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """The runs, and the parameters of the effects; columns are the fields of CandidateRun and of Expected."""
+        import pandas as pd
+
+        return pd.DataFrame(map(asdict, self.runs)), pd.DataFrame(map(asdict, self.effects))
 
 
 def write_plan(found: Plan, robot: str, output: Path | str) -> list[Path]:

@@ -12,6 +12,7 @@ from itertools import islice
 from pathlib import Path
 from threading import Thread
 
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.workflow.execution.machine import PROCESSES
 
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
@@ -98,7 +99,7 @@ def measure_turn(video: Path) -> None:
 
     from evaluator.pose import poses_from_marks
     from evaluator.recording import open_recording
-    from evaluator.robot_geometry import mark_geometry, robot_shape
+    from evaluator.robot_geometry import robot_shape
     from evaluator.tracking import track
     from evaluator.turning import measure_turning
     from simulator.robot import load_robot
@@ -111,5 +112,5 @@ def measure_turn(video: Path) -> None:
     for name, (x, y) in robot.points_mm.items():
         marks[f"{name}_x_mm"] = np.cos(angle) * x - np.sin(angle) * (y + 8.0)
         marks[f"{name}_y_mm"] = np.sin(angle) * x + np.cos(angle) * (y + 8.0)
-    poses = poses_from_marks(pd.DataFrame(marks), mark_geometry(robot))
+    poses = poses_from_marks(pd.DataFrame(marks), MarkGeometry.of_robot(robot))
     measure_turning(poses, shape=robot_shape(robot), left_rpm=33.3, right_rpm=14.4)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from calibration.store import load_camera
 from evaluator.files import read_with
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import read_marks
-from evaluator.robot_geometry import mark_geometry
 from evaluator.settings import Experiment
 from evaluator.turning.budget import Budget, Knowledge, uncertainty_budget
 from evaluator.workflow.results.outputs import Outputs
@@ -25,7 +25,7 @@ def budget_of(experiment: Experiment, outputs: Outputs, run_id: str) -> Budget:
     known = Knowledge(robot.known_to.mark_position_mm, robot.known_to.mark_height_mm, experiment.known_to.time_base)
     return uncertainty_budget(
         read_marks(outputs.marks(run_id)),
-        mark_geometry(robot),
+        MarkGeometry.of_robot(robot),
         read_with(load_camera, path) if run.video and path else None,
         known=known,
         start_s=run.start_s,

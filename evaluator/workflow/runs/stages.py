@@ -22,11 +22,12 @@ from evaluator.files.csv_tables import write_table
 from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.poses import poses_of, read_poses, with_marks
 from evaluator.interchange.tracks import read_any_marks
+from evaluator.mark_geometry import MarkGeometry, equal_height_mm
 from evaluator.marks import read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
-from evaluator.robot_geometry import RobotGeometry, mark_geometry, marks_height_mm, robot_shape, sought
+from evaluator.robot_geometry import RobotGeometry, robot_shape, sought
 from evaluator.tracking import AsCalibrated, correct, load_settings, place_on_plate, read_corrections, track
 from evaluator.turning import Turning
 from evaluator.wording import counted
@@ -96,7 +97,7 @@ class _Stages:
         marks = read_marks(self.out.marks(self.run.id))
         if self.run.poses is not None:
             return poses_of(marks)
-        return poses_from_marks(marks, mark_geometry(self.job.robot), camera=self.camera)
+        return poses_from_marks(marks, MarkGeometry.of_robot(self.job.robot), camera=self.camera)
 
     @cached_property
     def run_command(self) -> RunCommand:
@@ -106,16 +107,19 @@ class _Stages:
     def phases(self) -> tuple[Phase, ...]:
         return phases_of(self.run_command, self.poses, robot_shape(self.job.robot))
 
+    def _height_mm(self) -> float:
+        return equal_height_mm(self.job.robot.layout, self.job.robot.name)
+
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)
         if self.run.marks is not None:
-            height_mm, names = marks_height_mm(self.job.robot), tuple(self.job.robot.points_mm)
-            table = read_any_marks(self.run.marks, self.job.tracks, self.camera, height_mm, names)
+            names = tuple(self.job.robot.points_mm)
+            table = read_any_marks(self.run.marks, self.job.tracks, self.camera, self._height_mm(), names)
             write_marks(table, path)
             return [path], {"notes": table.attrs["faults"]}
         if self.run.poses is not None:
             found = read_poses(self.run.poses, self.run.topics)
-            write_marks(with_marks(found.table, mark_geometry(self.job.robot)), path)
+            write_marks(with_marks(found.table, MarkGeometry.of_robot(self.job.robot)), path)
             return [path], {"notes": found.notes()}
         assert self.run.video is not None  # the file has one of the three, by its validation
         assert self.camera is not None
@@ -132,7 +136,7 @@ class _Stages:
         report = recording.report()
         _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
-        write_marks(place_on_plate(table, self.camera, marks_height_mm(self.job.robot)), path)
+        write_marks(place_on_plate(table, self.camera, self._height_mm()), path)
         write_text(thumbnails, recording.to_json())
         return [path, thumbnails], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
 

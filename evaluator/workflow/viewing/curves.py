@@ -110,7 +110,7 @@ def _camera_of(run: UnfinishedRun) -> Camera | None:
 
 
 def _marks_of(robot: str) -> MarkGeometry:
-    from evaluator.robot_geometry import mark_geometry
+    from evaluator.mark_geometry import MarkGeometry
     from simulator.robot import load_robot
 
-    return mark_geometry(read_with(load_robot, Path(robot)))
+    return MarkGeometry.of_robot(read_with(load_robot, Path(robot)))

@@ -24,9 +24,10 @@ from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import columns_of
 from evaluator.pose import Poses, poses_from_marks
-from evaluator.robot_geometry import mark_geometry, reference_pair, reference_places
+from evaluator.robot_geometry import reference_pair, reference_places
 from evaluator.settings import load_experiment
 from simulator.effects.coordinates import Candidate
 from simulator.robot import Robot
@@ -100,7 +101,7 @@ def poses_of(run: RunData, robot: Robot) -> Poses:
     """Poses of the robot's centre, by the places of the marks in the robot file."""
     pair = reference_pair(robot) or ()
     table = pd.DataFrame(np.column_stack([run.time_s, run.marks_mm]), columns=["time_s", *columns_of(pair)])
-    return poses_from_marks(table, mark_geometry(robot).only(pair))
+    return poses_from_marks(table, MarkGeometry.of_robot(robot).only(pair))
 
 
 def gaps_mm(inputs: Inputs, path_from: PathFrom) -> dict[str, float]:

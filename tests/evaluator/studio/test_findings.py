@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import poses_from_marks
-from evaluator.robot_geometry import mark_geometry
 from evaluator.workflow import analyze, out_folder, sandbox_motions
 from simulator.command import Command
 from simulator.observation import marks_of_run
@@ -133,7 +133,7 @@ def test_sandbox_draws_what_the_simulation_says() -> None:
     content = tomllib.loads(shipped_robot_text("barrel"))
     robot = Robot.model_validate({**content, "effect": [{"id": name, **values} for name, values in effects.items()]})
     run = simulate(robot, Command.constant(33.3, 14.4), [i / 20 for i in range(81)])
-    seen = poses_from_marks(marks_of_run(robot, run), mark_geometry(robot))
+    seen = poses_from_marks(marks_of_run(robot, run), MarkGeometry.of_robot(robot))
     assert drawn["x_mm"] == pytest.approx(seen.x_mm, abs=1e-3)
     assert drawn["y_mm"] == pytest.approx(seen.y_mm, abs=1e-3)
 
