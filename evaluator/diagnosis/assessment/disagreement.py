@@ -238,23 +238,24 @@ def _sentence(quantity: str, by: str, parity: str, size: Floats, sigmas: float) 
         fold = FOLDS[by]
         peak = round(float(np.degrees(np.arctan2(size[-1], size[-2])) / fold % (360 / fold)))
         at = " and ".join(str(peak + 360 * turn // fold) for turn in range(fold)) + " degrees"
-        amount = float(np.hypot(size[-2], size[-1]))
-        return f"measured {what} varies with {by}: {amount:.3g} {unit} more at {at}{reversing}{tail}"
+        height = float(np.hypot(size[-2], size[-1]))
+        return f"measured {what} varies with {by}: {height:.3g} {unit} more at {at}{reversing}{tail}"
     if by == "place":
         across = f"{size[-2]:+.2g} {unit} per mm in x, {size[-1]:+.2g} in y"
         return f"measured {what} changes across the plate: {across}{reversing}{tail}"
-    signed = "the side of the turn" if quantity == "yaw_deg_s" else "the sign of the motion"
-    per = {
-        "speed": f"per rpm, with {signed}",
-        "difference of the wheels": "per rpm of difference, with the side of the turn",
-        "the first second": f"in the first second after the command, with {signed}",
-        "time since the command": "per second of a run",
-        "order of the runs": f"per run of the session, with {signed}",
-        "direction times side": "for forward left and backward right turns, the opposite for the others",
+    opposite = f"with the opposite sign {'in right turns' if quantity == 'yaw_deg_s' else 'when driving backward'}"
+    amount = f"{value:+.3g} {unit}"
+    change = {
+        "speed": f"changes by {amount} per rpm of mean wheel speed, {opposite}",
+        "difference of the wheels": f"changes by {amount} per rpm of difference of the wheel speeds, with the opposite "
+        "sign in right turns",
+        "the first second": f"is off by {amount} in the first second after the command, {opposite}",
+        "time since the command": f"changes by {amount} per second since the command",
+        "order of the runs": f"changes by {amount} from each run to the next, {opposite}",
+        "direction times side": f"is off by {amount} in forward left and backward right turns, with the opposite sign "
+        "in the others",
     }[by]
-    return f"measured {what} changes with {by}: {value:+.3g} {unit} {per}{tail}".replace(
-        "changes with the first second", "is different at the start"
-    )
+    return f"measured {what} {change}{tail}"
 
 
 def _pace(gain: float) -> str:

@@ -129,23 +129,27 @@ LAWS: dict[tuple[str, str, str], tuple[Any, tuple[float, ...], str]] = {
     ("yaw_deg_s", "direction times side", ""): (
         lambda row: 0.3 * row["side"] * row["direction"],
         (0.3,),
-        "for forward left and backward right turns",
+        "is off by +0.3 deg/s in forward left and backward right turns, with the opposite sign in the others",
     ),
     ("along_mm_s", "speed", "odd"): (
         lambda row: 0.02 * row["direction"] * row["speed_rpm"],
         (0.02,),
-        "+0.02 mm/s per rpm, with the sign of the motion",
+        "+0.02 mm/s per rpm of mean wheel speed, with the opposite sign when driving backward",
     ),
     ("yaw_deg_s", "difference of the wheels", "odd"): (
         lambda row: 0.03 * row["side"] * row["difference_rpm"],
         (0.03,),
-        "per rpm of difference, with the side of the turn",
+        "per rpm of difference of the wheel speeds, with the opposite sign in right turns",
     ),
-    ("along_mm_s", "time since the command", ""): (lambda row: 0.1 * row["time_s"], (0.1,), "per second of a run"),
+    ("along_mm_s", "time since the command", ""): (
+        lambda row: 0.1 * row["time_s"],
+        (0.1,),
+        "per second since the command",
+    ),
     ("along_mm_s", "the first second", "odd"): (
         lambda row: 0.4 * row["direction"] * (row["time_s"] < 1),
         (0.4,),
-        "is different at the start",
+        "in the first second after the command, with the opposite sign when driving backward",
     ),
 }
 
@@ -198,7 +202,7 @@ def test_what_depends_on_heading_place_or_order_is_scaled_by_the_speed_and_odd_w
         order = disagreeing(along_mm_s=lambda row: 0.02 * sign(row) * row["order"])
         (drift,) = [d for d in every_dependence(order) if (d.quantity, d.by) == ("along_mm_s", "order of the runs")]
         assert drift.sizes[0][0] == pytest.approx(0.02, rel=0.1)
-        assert "+0.02 mm/s per run of the session" in drift.sentence
+        assert "+0.02 mm/s from each run to the next" in drift.sentence
 
 
 def test_errors_of_a_mean_over_runs_are_those_of_student_and_pieces_of_a_run_add_nothing() -> None:
