@@ -17,7 +17,7 @@ def test_lens_without_distortion_is_said_to_have_none() -> None:
 
 def test_distortion_is_drawn_so_much_longer_that_it_is_seen() -> None:
     figure = distortion_map(camera_above(size_px=(400, 300), focal_px=1200, distance_mm=120, k1=-0.01))
-    assert "200 times their length" in figure.caption
+    assert "drawn 200 times too long" in figure.caption
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 35.0, 180.0])

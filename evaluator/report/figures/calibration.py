@@ -145,11 +145,11 @@ def distortion_map(camera: Camera) -> Figure:
             pivot="tip",
         )
         _image_axes(axes, camera)
-    factor = "at true length" if stretch == 1 else f"{stretch:g} times their length"
+    factor = "at true length" if stretch == 1 else f"drawn {stretch:g} times too long"
     return Figure(
         "distortion",
         "Lens distortion",
-        f"Arrows, {factor}, lead from the position without distortion to the distorted one; at most {largest:.3g} px."
+        f"Arrows ({factor}) lead from the position without distortion to the distorted one, at most {largest:.3g} px."
         if largest > 0
         else "The selected lens model has no distortion.",
         (canvas.svg,),

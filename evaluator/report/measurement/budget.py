@@ -73,7 +73,8 @@ def _bars(run: RunView, budget: Budget) -> Figure:
     return Figure(
         "budget-radius",
         f"Sources of the uncertainty of the radius, run {run.id}",
-        f"Standard uncertainty of the radius from each source, drawn with at least {LEAST_PERCENT:g} %.",
+        f"Standard uncertainty of the radius from each source; values below {LEAST_PERCENT:g} % are drawn as "
+        f"{LEAST_PERCENT:g} %.",
         (canvas.svg,),
         pd.DataFrame({"source": names, "radius_percent": percent}),
     )

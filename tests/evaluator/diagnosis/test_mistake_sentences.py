@@ -81,7 +81,8 @@ def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> 
     assert found is not None
     assert (
         found.seen
-        == "seen in a mirror, or b (distance of simulated and measured marks: 1 mm then, 9 mm as stated in the file)"
+        == "seen in a mirror, or b (distance of simulated and measured marks: 9 mm as stated in the file, 1 mm when "
+        "corrected)"
     )
     assert (found.kind, found.equivalent) == ("mirrored", ("reversed",))
     assert found.correction == Correction(marks_times=(-1.0, 1.0))

@@ -131,7 +131,7 @@ def test_arrows_of_distortion_end_where_the_lens_moves_a_point(monkeypatch: pyte
     np.testing.assert_allclose(shift, camera.focal_xy_px * 0.5 * before * (before**2).sum(1, keepdims=True), atol=1e-6)
     largest = np.hypot(*shift.T).max()
     assert f"at most {largest:.3g} px" in found.caption
-    assert "Arrows, 5 times their length" in found.caption  # of 7.4 px at the corners, at most 6 % of 640 px
+    assert "Arrows (drawn 5 times too long)" in found.caption  # of 7.4 px at the corners, at most 6 % of 640 px
     np.testing.assert_allclose(np.stack([by_x, by_y], -1), 5 * shift)
     assert axes[0].quiver.call_args.kwargs["pivot"] == "tip"
 

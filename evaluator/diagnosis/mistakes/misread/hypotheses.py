@@ -182,7 +182,8 @@ def _judged(
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
     seen = (
-        f"{words} (distance of simulated and measured marks: {best:.2g} mm then, {stated:.2g} mm as stated in the file)"
+        f"{words} (distance of simulated and measured marks: {stated:.2g} mm as stated in the file, {best:.2g} mm when "
+        "corrected)"
     )
     remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
     return Found(ways[0].run.id, kind, seen, remedy, others, correction_to(near[kind][1], ways[0]))
