@@ -3,8 +3,9 @@
 Windows of many lengths (seeded intervals: Kovács, Bühlmann, Li and Munk 2023, doi:10.1093/biomet/asac052) are split
 where their two sides differ most. The narrowest window with a significant split contains one change; the parts to its
 left and right are searched in the same way (Baranowski, Chen and Fryzlewicz 2019, doi:10.1111/rssb.12322). The sides
-are pooled with a scatter from value to value (random effects) and compared by Welch's test, so that a series that
-merely scatters has no change.
+are pooled with one scatter from session to session for both (random effects) and compared by Student's test, so that a
+series that merely scatters has no change. Of two sessions it is not known; they are compared by Welch's test with the
+scatter of their own runs.
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
 
-from evaluator.turning.pooling import Pooled, difference, p_of_difference, pooled
+from evaluator.turning.pooling import Pooled, common_scatter, difference, p_of_difference
+
+Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.05  # probability of a reported change in a series that has none; divided among its splits
 
@@ -25,6 +29,7 @@ class Level:
     """A value of one session: standard error with its degrees of freedom.
 
     systematic: standard uncertainty common to all sessions with the same source, for example one calibration.
+    repeated: whether error and freedom contain a scatter from run to run.
     """
 
     value: float
@@ -32,6 +37,7 @@ class Level:
     freedom: float
     systematic: float = 0.0
     source: str = ""
+    repeated: bool = True
 
     @property
     def reach(self) -> float:
@@ -109,22 +115,35 @@ def _best(levels: Sequence[Level], start: int, stop: int) -> Change:
 def _change(before: Sequence[Level], after: Sequence[Level], at: int) -> Change:
     """Compare two neighbouring stretches; their common systematic error cancels unless their sources differ."""
     shared = len({level.source for level in (*before, *after)}) == 1
-    sides = [_pool(before, shared=shared), _pool(after, shared=shared)]
-    first, second = (_with_scatter(one, other) for one, other in zip(sides, sides[::-1], strict=True))
-    return Change(at, first, second, *difference(first, second), p_of_difference(first, second))
+    if len(before) + len(after) == 2:
+        first, second = (_alone(*side, shared=shared) for side in (before, after))
+        return Change(at, first, second, *difference(first, second), p_of_difference(first, second))
+    freedom = len(before) + len(after) - 2.0
+    scatter = common_scatter([_values(before), _values(after)])
+    first, second = (_mean(side, scatter, freedom, shared=shared) for side in (before, after))
+    value, error = second.mean - first.mean, float(np.hypot(first.error, second.error))
+    reach = float(stdtrit(freedom, 0.975)) * error
+    p = float(2 * stdtr(freedom, -abs(value) / error)) if error else float(value == 0)
+    return Change(at, first, second, value, value - reach, value + reach, p)
 
 
-def _pool(levels: Sequence[Level], *, shared: bool) -> Pooled:
-    """Mean of a stretch. A single value has the degrees of freedom of its error."""
+def _values(levels: Sequence[Level]) -> tuple[Array, Array]:
+    return np.array([level.value for level in levels]), np.array([level.error for level in levels])
+
+
+def _mean(levels: Sequence[Level], scatter: float, freedom: float, *, shared: bool) -> Pooled:
+    """Mean of a stretch whose sessions scatter by as much as those of the other one."""
+    values, errors = _values(levels)
+    least = 1e-12 * max(float(np.abs(values).max()), 1e-100)  # finite weights for values without uncertainty
+    weight = 1 / (errors**2 + scatter**2 + least**2)
     systematic = 0.0 if shared else max(level.systematic for level in levels)
-    found = pooled(np.array([level.value for level in levels]), np.array([level.error for level in levels]))
-    freedom = levels[0].freedom if len(levels) == 1 else found.freedom
-    return replace(found, error=float(np.hypot(found.error, systematic)), freedom=freedom)
+    error = float(np.hypot(np.sqrt(1 / weight.sum()), systematic))
+    return Pooled(
+        mean=float(weight @ values / weight.sum()), between=scatter, runs=len(levels), error=error, freedom=freedom
+    )
 
 
-def _with_scatter(side: Pooled, other: Pooled) -> Pooled:
-    """A single session does not determine the scatter between sessions, which is taken from the other stretch."""
-    if side.runs > 1 or other.runs < 2:
-        return side
-    error = float(np.hypot(side.error, other.between))
-    return replace(side, error=error, freedom=min(side.freedom, other.runs - 1.0))
+def _alone(level: Level, *, shared: bool) -> Pooled:
+    """A single session; how it would scatter is known only by the scatter of its own runs, NaN if there is one."""
+    error = np.hypot(level.error, 0.0 if shared else level.systematic) if level.repeated else np.nan
+    return Pooled(mean=level.value, runs=1, error=float(error), freedom=level.freedom)

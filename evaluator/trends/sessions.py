@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.files.csv_tables import read_table
@@ -18,7 +19,8 @@ from evaluator.trends.changes import Level
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import Pooled, pooled
 
-UNITS = {"radius": "mm", "speed": "mm/s"}
+Array = NDArray[np.float64]
+UNITS = {"radius": "mm", "curvature": "1/m", "speed": "mm/s"}
 
 
 @dataclass(frozen=True)
@@ -89,15 +91,30 @@ def _turning_levels(table: pd.DataFrame, camera: str) -> tuple[dict[str, Level],
         label, left, right = cast("tuple[str, float, float]", key)
         command = " ".join(filter(None, (f"{left:g} / {right:g} rpm", label)))
         scale = _relative_systematic(rows)
-        for quantity, column, sigma in (
-            ("radius", "radius_mm", "radius_random_mm"),
-            ("speed", "speed_mm_s", "speed_sigma_mm_s"),
-        ):
-            value = pooled(rows[column].abs().to_numpy(float), rows[sigma].to_numpy(float))
+        for quantity, values, sigmas in _quantities(rows, straight=left == right):
+            value = pooled(values, sigmas)
             if np.isfinite(value.mean) and np.isfinite(value.error):
-                levels[f"{quantity}, {command}"] = _level(value, scale * value.mean, camera)
+                levels[f"{quantity}, {command}"] = _level(value, scale * abs(value.mean), camera)
                 units[f"{quantity}, {command}"] = UNITS[quantity]
     return levels, units
+
+
+def _quantities(rows: pd.DataFrame, *, straight: bool) -> list[tuple[str, Array, Array]]:
+    """Values of the runs of a command with their sigmas: the speed, and the radius, or the curvature 1/m if straight.
+
+    The radius of a run that should be straight is known only where it is not, and is beyond all bounds where it is.
+    """
+
+    def column(name: str) -> Array:
+        return rows[name].to_numpy(float)
+
+    found = [("speed", np.abs(column("speed_mm_s")), column("speed_sigma_mm_s"))]
+    if not straight:
+        return [("radius", np.abs(column("radius_mm")), column("radius_random_mm")), *found]
+    if "curvature_per_mm" not in rows:  # results of an earlier version
+        return found
+    sigma = (column("curvature_high_per_mm") - column("curvature_low_per_mm")) / (2 * Z_975)
+    return [("curvature", 1000 * column("curvature_per_mm"), 1000 * sigma), *found]
 
 
 def _relative_systematic(rows: pd.DataFrame) -> float:
@@ -107,7 +124,7 @@ def _relative_systematic(rows: pd.DataFrame) -> float:
 
 
 def _level(value: Pooled, systematic: float, source: str) -> Level:
-    return Level(value.mean, value.error, value.freedom, systematic, source)
+    return Level(value.mean, value.error, value.freedom, systematic, source, repeated=value.runs > 1)
 
 
 def _diagnosed(path: Path) -> list[tuple[str, Level, str]]:

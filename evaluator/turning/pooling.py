@@ -8,6 +8,7 @@ and are not averaged out: they widen the interval of the mean and are not part o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,10 +112,21 @@ def cochran(values: Array, sigmas: Array, between: float) -> float:
 
 def paule_mandel(values: Array, sigmas: Array) -> float:
     """Standard deviation between the values at which Cochran's sum equals its expectation; zero if it is smaller."""
-    low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values)) + 1e-300
-    if np.ptp(values) == 0 or cochran(values, sigmas, 0.0) <= len(values) - 1:
+    return common_scatter([(values, sigmas)])
+
+
+def common_scatter(groups: Sequence[tuple[Array, Array]]) -> float:
+    """Standard deviation between the values of groups (values, sigmas) that have a mean each, by Paule and Mandel."""
+    freedom = sum(len(values) - 1 for values, _ in groups)
+    widest = max(float(np.ptp(values)) for values, _ in groups)
+
+    def squares(between: float) -> float:
+        return sum(cochran(values, sigmas, between) for values, sigmas in groups if len(values) > 1)
+
+    if widest == 0 or squares(0.0) <= freedom:
         return 0.0
+    low, high = 0.0, widest * np.sqrt(sum(len(values) for values, _ in groups)) + 1e-300
     for _ in range(60):
         middle = (low + high) / 2
-        low, high = (middle, high) if cochran(values, sigmas, middle) > len(values) - 1 else (low, middle)
+        low, high = (middle, high) if squares(middle) > freedom else (low, middle)
     return float((low + high) / 2)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from evaluator.trends.changes import Level, _change, _windows
+from evaluator.trends.changes import Level, _change, _windows, changes
 from evaluator.trends.series import find_series
 from evaluator.trends.sessions import Session, read_session
 from evaluator.trends.trends import Trends
@@ -27,6 +27,9 @@ def written(folder: Path, effects: object = None) -> Path:
         "radius_mm": [8.0, 8.2, np.nan, np.nan],
         "radius_random_mm": [0.01, 0.01, np.nan, np.nan],
         "radius_systematic_mm": [0.016, 0.0164, np.nan, np.nan],
+        "curvature_per_mm": [0.125, 0.122, 1e-4, np.nan],
+        "curvature_low_per_mm": [0.12, 0.12, 0.8e-4, np.nan],
+        "curvature_high_per_mm": [0.13, 0.13, 1.2e-4, np.nan],
         "speed_mm_s": [-2.0, -2.2, 1.5, np.nan],
         "speed_sigma_mm_s": [0.02, 0.02, 0.03, np.nan],
     }
@@ -43,7 +46,12 @@ def test_level_of_a_command_is_the_mean_of_its_runs_with_the_share_of_its_radii_
 ) -> None:
     found = read_session(written(tmp_path))
     assert set(found.levels) == {
-        *("radius, -33.3 / -14.4 rpm dry", "speed, -33.3 / -14.4 rpm dry", "speed, 20 / 20 rpm")
+        *(
+            "radius, -33.3 / -14.4 rpm dry",
+            "speed, -33.3 / -14.4 rpm dry",
+            "curvature, 20 / 20 rpm",
+            "speed, 20 / 20 rpm",
+        )
     }
     radius, speed = (found.levels[f"{name}, -33.3 / -14.4 rpm dry"] for name in ("radius", "speed"))
     # Of two values the standard error is half of their difference; two thousandths are the camera's.
@@ -52,6 +60,10 @@ def test_level_of_a_command_is_the_mean_of_its_runs_with_the_share_of_its_radii_
     assert (radius.source, found.units["radius, -33.3 / -14.4 rpm dry"]) == ("abc", "mm")
     alone = found.levels["speed, 20 / 20 rpm"]
     assert (alone.value, alone.error, alone.freedom, alone.systematic) == (1.5, 0.03, np.inf, 0.0)
+    assert radius.repeated
+    assert not alone.repeated
+    straight = found.levels["curvature, 20 / 20 rpm"]
+    assert (straight.value, straight.error) == pytest.approx((0.1, 0.02 / 1.96), rel=1e-4)
     assert found.units["speed, 20 / 20 rpm"] == "mm/s"
 
 
@@ -103,17 +115,27 @@ def test_table_has_the_bounds_of_every_level_and_where_a_change_begins() -> None
     assert table["session"].tolist() == [f"s{k}" for k in range(6)]
 
 
-def test_a_single_session_scatters_as_those_it_is_compared_with() -> None:
-    """10.5, 10.6 and 10.7 scatter by 0.1, of which 0.01 is noise; the single one is then known to 0.1 in all."""
+def test_both_stretches_scatter_alike_from_session_to_session() -> None:
+    """10.5, 10.6 and 10.7 scatter by 0.1, of which 0.01 is noise; the single session is then known to 0.1 in all."""
     found = _change([level(10.0)], [level(10.5), level(10.6), level(10.7)], 1)
     assert (found.before.error, found.before.freedom) == pytest.approx((0.1, 2.0))
     assert found.after.error == pytest.approx(0.1 / np.sqrt(3))
-    error, freedom = np.hypot(0.1, 0.1 / np.sqrt(3)), (1 + 1 / 3) ** 2 / (1 / 2 + 1 / 9 / 2)  # Welch's
-    assert found.p == pytest.approx(2 * stats.t.sf(0.6 / error, freedom))
-    half = stats.t.ppf(0.975, freedom) * error
+    error = np.hypot(0.1, 0.1 / np.sqrt(3))
+    assert found.p == pytest.approx(2 * stats.t.sf(0.6 / error, 2))
+    half = stats.t.ppf(0.975, 2) * error
     assert (found.difference, found.low, found.high) == pytest.approx((0.6, 0.6 - half, 0.6 + half))
+    first, second = np.array([10.0, 10.2]), np.array([10.5, 10.6, 10.7])
+    found = _change([level(value, 0.0) for value in first], [level(value, 0.0) for value in second], 2)
+    assert found.p == pytest.approx(stats.ttest_ind(first, second).pvalue)
+
+
+def test_two_sessions_are_compared_by_the_scatter_of_their_runs_if_there_is_one() -> None:
     two = _change([level(10.0)], [level(10.5)], 1)
     assert (two.before.error, two.before.freedom) == (0.01, 3.0)
+    assert two.p == pytest.approx(2 * stats.t.sf(0.5 / np.hypot(0.01, 0.01), 6))
+    once = Level(10.5, 0.01, np.inf, repeated=False)
+    assert not _change([level(10.0)], [once], 1).p < 1
+    assert changes([level(10.0), once], 1) == ()
 
 
 @pytest.mark.parametrize(("sources", "error"), [(("a", "a"), 0.01), (("a", "b"), np.hypot(0.01, 0.3))])
