@@ -74,7 +74,7 @@ def track(
 
     def explained(recording: Source, marks: pd.DataFrame, wanted: TrackingSettings) -> None:
         if explain is not None:
-            from evaluator.report.search_sheet import write_search_sheet
+            from evaluator.report.measurement.search_sheet import write_search_sheet
 
             write_search_sheet(recording, marks, wanted, explain)
 

@@ -22,6 +22,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from evaluator.report.fewer_elements import fewer_elements
+
 INK, SOFT, FAINT, PAPER = "#1b1f24", "#626a73", "#d9dde2", "#fefefe"
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
     "#0072b2", "#d55e00", "#009e73", "#a8518a", "#e69f00", "#4a9fd0", "#b39700",
@@ -233,7 +235,7 @@ def _themed_svg(canvas: Canvas) -> str:
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
-    text = re.sub(r"\n\s*", "\n", text)
+    text = fewer_elements(re.sub(r"\n\s*", "\n", text))
     for color, (variable, _) in THEME.items():
         text = text.replace(color, f"var({variable}, {color})")
     return text

@@ -81,7 +81,7 @@ def track_recording(
     fields: Fields = "auto",
     corrections: Path | None = None,
     looked_at: Callable[[Source, pd.DataFrame, TrackingSettings], None] = not_looked_at,
-    where_to_look: str = "evaluator.report.search_sheet shows all candidates",
+    where_to_look: str = "evaluator.report.measurement.search_sheet shows all candidates",
     progress: Progress = no_progress,
 ) -> Tracked:
     """Track the marks of a recording and write them as a marks CSV.

@@ -1,1 +1,1 @@
-"""Sections on measurement uncertainty."""
+"""Sections on measurement uncertainty, and the sheet of what a search for marks finds."""

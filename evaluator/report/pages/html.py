@@ -14,6 +14,7 @@ from evaluator.report.summary import Number
 
 # No line break between a number and its unit, nor within a command such as −33.3 / −14.4 rpm.
 HELD_TOGETHER = re.compile(r"(?<=\d) (?=(?:%|(?:°|mm|µm|px|rpm|deg|s|mN|1/m)(?![\w]))|/ [−\d])|(?<=\d /) (?=[−\d])")
+LONG = 100  # rows of a table, some 50 ms of layout if it has ten columns
 CODE = re.compile(r"`([^`\n]+)`")
 
 
@@ -25,6 +26,16 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: bool = False
+
+    @property
+    def lines(self) -> int:
+        """Lines of text in it, without its head."""
+        return sum(max(cell.count("\n") for cell in row) + 1 for row in self.rows)
+
+    @property
+    def long(self) -> bool:
+        """Whether it is laid out only when it comes into view."""
+        return len(self.rows) > LONG
 
 
 @dataclass(frozen=True)

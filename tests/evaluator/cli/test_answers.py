@@ -191,7 +191,7 @@ def test_a_track_says_in_how_many_frames_each_mark_is_seen_and_writes_the_images
     overlay: Called = stub("evaluator.report.overlay.write_overlay")
     monkeypatch.setattr("evaluator.report.turn_overlay.turn_drawing", lambda _: "drawing")
     sheet: Called = stub("evaluator.report.overlay.write_contact_sheet", 2)
-    search: Called = stub("evaluator.report.search_sheet.write_search_sheet")
+    search: Called = stub("evaluator.report.measurement.search_sheet.write_search_sheet")
     files = ("--overlay", "o.mp4", "--sheet", "s.png", "--explain", "e.png", "--height-mm", "6", "--rate", "60")
     done = run("track", "r.mp4", "-o", "r.csv", *files, "--fields", "top")
     assert done.stdout.startswith("s.png: 2 doubtful marks\n")

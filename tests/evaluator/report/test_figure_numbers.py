@@ -197,7 +197,9 @@ def frames(count: int, size: int) -> list[dict[str, Any]]:
         (3.1, 6, 45),  # and three quarters as wide
         (4.7, 4, 45),  # every third
         (9.0, 4, 30),  # and half as wide
-        (99.0, 2, 30),  # no fewer than every sixth
+        (15.0, 2, 30),  # every sixth
+        (30.0, 1, 30),  # one
+        (50.0, 1, 22),  # three eighths as wide
     ],
 )
 def test_frames_of_a_page_become_fewer_before_they_become_smaller(budgets: float, left: int, width: int) -> None:
@@ -208,6 +210,14 @@ def test_frames_of_a_page_become_fewer_before_they_become_smaller(budgets: float
     image = cv2.imdecode(np.frombuffer(base64.b64decode(found[0][1]), np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     assert image.shape[1] == width
+
+
+def test_runs_share_the_frames_of_a_page_if_one_small_frame_of_each_is_too_much(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("evaluator.report.player.IMAGE_BUDGET_BYTES", 1000)
+    found = _fitted([frames(12, 1000)] * 12)  # twelve frames of 208 bytes
+    assert [len(run) for run in found] == [1, 0, 0] * 4
 
 
 def test_numbers_to_carry_away_are_the_tightest_turn_and_medians_in_percent() -> None:

@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.report import overlay, search_sheet
+from evaluator.report import overlay
+from evaluator.report.measurement import search_sheet
 from evaluator.report.overlay import CENTER, CIRCLE, INK, OTHER, WARNING, Drawing, color_of, doubtful, draw_frame
 from evaluator.tracking.luma_marks.explain import SeenInLuma, Thing
 
