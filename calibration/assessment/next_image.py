@@ -33,7 +33,7 @@ from calibration.lens import undistort
 Array = NDArray[np.float64]
 MAP = (32, 24)  # columns and rows of the grid on which the uncertainty is evaluated: as fine as it varies
 TILT_DEG = 30.0  # the middle of the 20 to 40 degrees that separate focal length and distance best
-WORTH = 0.9  # of the uncertainty: an image after which more of it remains is not recommended
+WORTH = 0.9  # ratio of the uncertainties after and before an image, above which the image is not recommended
 NOTHING = 0.001  # relative gain below which an image adds nothing; even a redundant image adds 0.006
 COLUMNS, ROWS = ("left", "middle", "right"), ("upper", "middle", "lower")
 TOWARD = {  # which side of the gauge comes nearer to the camera: direction in the image
@@ -144,7 +144,8 @@ class Information:
         prior = replace(
             rough_prior(found.camera.size_px), distance_mm=found.distance_mm, face_mm=coefficient_sigma(found.gauge)
         )
-        # what the images leave open is known so little that the weights must be those of the parts to the last digit
+        # The images hardly determine some directions of the parameters. There the prior must have exactly the weight
+        # that it had in the fit, or the uncertainty would be dominated by rounding.
         self._prior = np.zeros_like(fit.normal)
         add_prior(self._prior, np.zeros(len(fit.normal)), fit.state, prior)
         self._prior *= fit.scale**2

@@ -73,9 +73,9 @@ def assign_grid(dots: Dots) -> Lattice:
     best = _largest(dots, points, OPPOSITE)
     if len(points) <= FEW or len(best) <= FEW:
         slanted = _largest(dots, points, SLANTED)
-        as_best = _same(slanted, best)  # as mostly, and to complete one takes long
+        equal = _same(slanted, best)  # in most images; completion is slow and is then done once
         best = _completed(dots, best)
-        slanted = best if as_best else _completed(dots, slanted)
+        slanted = best if equal else _completed(dots, slanted)
         best = slanted if len(slanted) > len(best) else best
     if not len(best):
         return NO_LATTICE
@@ -91,7 +91,7 @@ def _completed(dots: Dots, lattice: Lattice) -> Lattice:
     all_dots = dots.centers_px, dots.diameter_px, dots.contrast
     dot, index = completed(*all_dots, lattice.dot, lattice.index)
     keep = without_strays(dots.centers_px, dot, index)
-    if not keep.all():  # with all of them nothing more was found
+    if not keep.all():  # without the strays, further dots may be found
         dot, index = completed(*all_dots, dot[keep], index[keep])
     return Lattice(dot, index, lattice.others)
 

@@ -36,6 +36,7 @@ Integers = NDArray[np.int64]
 LARGEST_STRETCH = 2.5
 # Share of a lattice that may lie outside the gauge: glare and dirt add a few dots, a wrong gauge file whole rows.
 FOREIGN = 0.1
+THREE_SIGMAS_SQUARED = 9.0  # difference of likeness within which fiducials do not decide between placements
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,7 @@ def _choose(placements: list[_Placement], fiducials: bool) -> _Placement:
     near = [placement for placement in placements if placement.score >= most - slack]
     if fiducials:
         likest = max(placement.likeness for placement in near)
-        near = [placement for placement in near if placement.likeness > likest - 9.0]  # three sigmas
+        near = [placement for placement in near if placement.likeness > likest - THREE_SIGMAS_SQUARED]
     most = max(placement.score for placement in near)
     near = [placement for placement in near if placement.score == most]
     front = [placement for placement in near if _is_front(placement)] or near
@@ -261,22 +262,19 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
             columns.append(column)
             chosen.append(k)
     # an equally good placement, shifted or turned by other than half a turn, leaves the origin undetermined
+    as_good = [
+        other
+        for other in placements
+        if other.score >= best.score and other.likeness >= best.likeness - THREE_SIGMAS_SQUARED
+    ]
+    # placements turned by half a turn: one is excluded by convention, several differ by a shift as well
+    opposite = [other for other in as_good if np.array_equal(other.turn, -best.turn)]
     rivals = [
         other
-        for other in placements
-        if other.score >= best.score
-        and other.likeness >= best.likeness - 9.0
-        and _is_front(other)
+        for other in as_good
+        if _is_front(other)
+        and not np.array_equal(other.turn, -best.turn)
         and not (np.array_equal(other.turn, best.turn) and np.array_equal(other.shift, best.shift))
-        and not (np.array_equal(other.turn, -best.turn))
-    ]
-    # half a turn that nothing tells apart is settled by convention, unless it goes with a shift
-    opposite = [
-        other
-        for other in placements
-        if other.score >= best.score
-        and other.likeness >= best.likeness - 9.0
-        and np.array_equal(other.turn, -best.turn)
     ]
     return Match(
         dot=lattice.dot[np.array(chosen, dtype=np.int64)],

@@ -37,7 +37,7 @@ POLLED_S = 0.05  # between two looks at a lock: far below the seconds of a compi
 def keep_on_disk(kernel: Any) -> None:
     """Make a kernel use the cache on disk: it is read from there, or compiled by one process at a time and stored."""
     on_disk = _OnDisk(kernel.py_func)
-    kernel._cache = on_disk  # noqa: SLF001  # numba's own has no other place for files
+    kernel._cache = on_disk  # noqa: SLF001  # numba offers no public way to choose the folder of a kernel's files
     compile_now = kernel.compile
 
     def compile_alone(signature: Any) -> Any:
@@ -127,7 +127,7 @@ class _Place(_CacheLocator):  # type: ignore[misc, unused-ignore]  # numba is un
 
 
 class _KernelFiles(CompileResultCacheImpl):  # type: ignore[misc, unused-ignore]
-    _locator_classes = [_Place]  # noqa: RUF012  # as numba has it
+    _locator_classes = [_Place]  # noqa: RUF012  # a list, as in numba's base class
 
 
 class _KernelCache(Cache):  # type: ignore[misc, unused-ignore]
@@ -204,8 +204,8 @@ def _alone(index: Path | None) -> Iterator[None]:
 
     A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes
     cannot deadlock. After LONGEST_S, for instance if the process with the lock is suspended, the kernel is compiled
-    without the lock. Where programs share a core, that is as many times later: else, beside 20 other programs, three
-    processes of a demo compile the largest kernels each for itself.
+    without the lock. If several programs share a core, the wait is longer by their number: without this, three
+    processes of a demo beside 20 other programs compiled the largest kernels three times.
     """
     if index is None or sys.platform == "win32":
         yield
