@@ -137,7 +137,7 @@ class Command:
     ) -> Command:
         """Read a command log as from_csv does, each value held until the next.
 
-        Before the first row the motors are off, or, where the robot does not start at rest, do what the first row says.
+        Before the first row the motors are off; if the robot does not start at rest, the first row holds there, too.
         wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities.
         """
         time, left, right = _columns_of_log(path, wheel_radius_m, track_m)
@@ -168,7 +168,7 @@ class Command:
         return Command(factor * self.time_s + later_s, self.left_rpm, self.right_rpm)
 
     def within(self, begin_s: float, end_s: float) -> Command:
-        """The command from one time to a later one; before and after it holds what it says there."""
+        """The command from one time to a later one; its values at these times hold before and after them."""
         inside = (self.time_s > begin_s) & (self.time_s < end_s)
         ends = np.array([begin_s, end_s])
         time_s = np.r_[begin_s, self.time_s[inside], end_s]
@@ -241,7 +241,7 @@ def _columns_of_log(
 
 
 def _name(path: str | Path, table: pd.DataFrame, quantity: str, units: Mapping[str, float]) -> str:
-    """The column of a quantity; in the first of the units where there is none."""
+    """The column of a quantity; if there is none, its name in the first of the units."""
     there = [f"{quantity}_{unit}" for unit in units if f"{quantity}_{unit}" in table]
     if len(there) > 1:
         raise SimulationError(f"{path}: both {there[0]} and {there[1]}; keep one of them")

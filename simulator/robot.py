@@ -38,6 +38,8 @@ class Robot(NominalRobot):
             f"effects {effects})"
         )
 
+    __str__ = __repr__
+
     @model_validator(mode="after")
     def _known_effects(self) -> Self:
         if faults := faults_of_effects(self.effect):

@@ -44,8 +44,8 @@ EFFECT = Effect(
     law="|d/dt (n_left + n_right)/2| ≤ ahead_rpm_s, |d/dt (n_right − n_left)/2| ≤ turn_rpm_s",
     source="limits of linear and angular acceleration of drive controllers (ros2_controllers, diff_drive_controller); "
     "measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",
-    limits="The same for speeding up and slowing down, forward and backward; after limits of the speed, before dead "
-    f"time and lag of the motors. {NO_LIMIT_RPM_S:g} rpm/s are no limit.",
+    limits="The limits are equal for speeding up and slowing down, forward and backward. They act after limits of the "
+    f"speed and before dead time and lag of the motors. {NO_LIMIT_RPM_S:g} rpm/s are no limit.",
     kind="command",
     parameters=(AHEAD, TURN),
     act=_act,

@@ -20,10 +20,10 @@ EFFECT = Effect(
     "counter-clockwise under a force to its left.",
     law="δ = deg_per_mN · (F_y,left + F_y,right), with the forces that the wheels have at the angle δ",
     source="compliance steer (ISO 8855; Milliken & Milliken, Race Car Vehicle Dynamics)",
-    limits="Linear and without delay: no play, no inertia of the axle. Driving forward, a positive compliance feeds "
-    "itself; from the cornering stiffness of the axle on, no angle balances the force. Wheels that yield one by one, "
-    "each to its own force, are another law: the backward turn of 33.3/14.4 rpm at 1.1 deg/mN would be tighter by "
-    "0.6 %, not by 0.5 %.",
+    limits="Linear and without delay: no play, no inertia of the axle. Driving forward, a positive compliance "
+    "amplifies itself; beyond the inverse cornering stiffness of the axle, no angle balances the force. Wheels that "
+    "yield separately, each to its own force, follow another law: the backward turn of 33.3/14.4 rpm at 1.1 deg/mN "
+    "would be tighter by 0.6 %, not by 0.5 %.",
     kind="dynamics",
     parameters=(Parameter("deg_per_mN", "deg/mN", 0.0, 0.05, -20.0, 20.0),),
     act=_act,

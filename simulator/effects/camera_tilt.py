@@ -23,8 +23,8 @@ EFFECT = Effect(
     "with perspective 1: (x, y)/(1 − t)",
     source="keystone: a homography whose last row is (−per_mm_x, −per_mm_y, 1) "
     "(Hartley & Zisserman, Multiple View Geometry in Computer Vision)",
-    limits="The origin of the plate frame keeps its place and scale. Where t stays below some per cent, perspective "
-    "shows in no measurement: it is of second order.",
+    limits="The origin of the plate frame keeps its place and scale. If t is below some per cent, perspective is of "
+    "second order and cannot be measured.",
     kind="observation",
     of_plate=True,
     parameters=(

@@ -42,8 +42,8 @@ EFFECT = Effect(
     sentence="Both motors wait for dead_time_s, then follow the command with the time constant time_constant_s.",
     law="time_constant_s · dn/dt = n_commanded(t − dead_time_s) − n",
     source="first-order lag with dead time (Åström & Hägglund, Advanced PID Control)",
-    limits="Linear and equal for both motors and directions: no limit of current or acceleration. The motors are "
-    "settled on the first value of the command when the run begins.",
+    limits="Linear and equal for both motors and directions: no limit of current or acceleration. When the run begins, "
+    "the motors already turn at the first value of the command.",
     kind="command",
     parameters=(DEAD_TIME, TIME_CONSTANT),
     act=_act,

@@ -18,7 +18,7 @@ from simulator.effects.parameter import PAPER_SIZE, Parameter, Size
 
 Parameters = dict[str, float]
 
-WITHOUT_COMMANDS_RPM = 60.0  # the scale of a session that commands no motor: a turn a second
+WITHOUT_COMMANDS_RPM = 60.0  # scale of a session in which no motor is commanded: one turn per second
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Scene:
 
     @property
     def fast_rpm(self) -> float:
-        """Their upper quartile, below the highest of them if there are several."""
+        """Upper quartile of the levels at which a wheel turns, below the highest of them if there are several."""
         return self._turning_rpm[3 * (len(self._turning_rpm) - 1) // 4]
 
     @property

@@ -21,7 +21,8 @@ NO_LIMIT_RPM = 1e6  # a limit that no wheel reaches
 class Draft:
     """What effects may change before a robot is compiled: factors, offsets and added terms.
 
-    Arrays over wheels are (n,), in the robot's order. speed_factor: (2,), of the left and the right command.
+    layout: the wheels, and which of them (left, right, driving, rolling) are driven by what, as masks (n,). Arrays over
+    wheels are (n,), in the robot's order. speed_factor: (2,), of the left and the right command.
     across_factor: of the lateral friction of all wheels, besides friction_factor. run_index: number of the run in its
     session, from 0. mix: (2, 4), added to the left and the right command per rpm of left, right, |left| and |right|.
     limits_rpm: (3,), of each wheel, of the mean of both sides, and of half of their difference. ramps_s_per_rpm: (2,),

@@ -40,8 +40,8 @@ EFFECT = Effect(
     law="v_left = 2q/(1 + q) · r·ω_left, v_right = 2/(1 + q) · r·ω_right, q = left_over_right",
     source="rolling, v = r·ω, with unequal r or unequal gain of the motors (unequal wheel diameters of odometry: "
     "Borenstein & Feng 1996, IEEE Trans. Robotics and Automation 12, 869)",
-    limits="The same ratio at all speeds and loads. Unequal radii and unequal motor gains are the same thing seen "
-    "from above; the tilt of a robot with unequal wheels, and their other load, are left out.",
+    limits="The same ratio at all speeds and loads. Unequal radii and unequal motor gains look alike from above. The "
+    "tilt of a robot with unequal wheels, and the change of their loads, are left out.",
     kind="dynamics",
     parameters=(Parameter("left_over_right", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01),),
     act=_act,

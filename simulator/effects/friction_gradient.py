@@ -21,8 +21,8 @@ EFFECT = Effect(
     sentence="The friction of a wheel at (x, y) of the plate is the nominal one times 1 + per_mm_x·x + per_mm_y·y.",
     law="μ(x, y) = μ_nominal · (1 + per_mm_x·x + per_mm_y·y)",
     source="Taylor series of a coefficient that varies with place, cut after its linear term",
-    limits="Nothing smaller than the plate: a stain or a scratch is no gradient. Never below 2 % of the nominal "
-    "friction. The stiffness for small slip stays.",
+    limits="Only changes over the whole plate; the effect does not describe a stain or a scratch. Friction never falls "
+    "below 2 % of the nominal one. The stiffness for small slip does not change.",
     kind="dynamics",
     of_plate=True,
     parameters=(

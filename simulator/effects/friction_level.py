@@ -46,7 +46,7 @@ EFFECT = Effect(
     "stays.",
     law="μ_x = factor · μ_x,nominal and μ_y = factor · μ_y,nominal",
     source="Coulomb's friction: the limit of the force is the coefficient times the load",
-    limits="One factor for all wheels, directions and slips: the shape of the slip curve stays.",
+    limits="One factor for all wheels, directions and slips: the shape of the slip curve does not change.",
     kind="dynamics",
     parameters=(FACTOR,),
     act=_act,

@@ -24,7 +24,8 @@ EFFECT = Effect(
     "body frame.",
     law="p = R(angle_deg) · p_stated + (x_mm, y_mm), for all marks",
     source="rigid displacement in the plane",
-    limits="The distances of the marks stay: marks that are moved one by one, or seen at another height, are not this.",
+    limits="The distances between the marks do not change. The effect does not describe marks that are displaced one "
+    "by one, or marks at another height.",
     kind="observation",
     parameters=(
         Parameter("x_mm", "mm", 0.0, 0.02, -3.0, 3.0),

@@ -20,10 +20,10 @@ EFFECT = Effect(
     "of other layouts by statics (simulator.dynamics.statics); yaw inertia about the robot's centre = I + "
     "m·(x_mm² + y_mm²)",
     source="lever rule and parallel-axis theorem (Meriam & Kraige, Engineering Mechanics)",
-    limits="Four wheels are statically indeterminate: both axles are taken to share their load left to right alike; "
-    "more wheels, and those of another layout, are taken for equally stiff supports of a rigid body. "
-    "The stated yaw inertia is about the centre of gravity, wherever it is. Load transfer by acceleration is left "
-    "out: the model is plane.",
+    limits="Four wheels are statically indeterminate: the load is taken to be shared between left and right in equal "
+    "ratio on both axles. More wheels, or wheels in another layout, are modelled as equally stiff supports of a rigid "
+    "body. The stated yaw inertia is about the centre of gravity, wherever it is. The model is plane: load transfer by "
+    "acceleration is left out.",
     kind="dynamics",
     parameters=(
         Parameter("x_mm", "mm", 0.0, 0.05, -1.9, 1.9, shown=-1.5),

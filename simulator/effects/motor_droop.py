@@ -18,8 +18,8 @@ EFFECT = Effect(
     "drives it.",
     law="n = n_commanded − rpm_per_uN_mm · F_x·r, with the force F_x that friction gives the wheel at the speed n",
     source="speed–torque line of a DC motor at constant voltage (Fitzgerald, Kingsley & Umans, Electric Machinery)",
-    limits="The straight part of the line: no stall, no heating. The load is the friction of the wheel alone: losses "
-    "of bearing and gear count as speed of the command. A motor that is off is held by its gear.",
+    limits="The straight part of the line: no stall, no heating. The load is the friction of the wheel alone; losses "
+    "in bearings and gears are taken to be included in the commanded speed. A motor that is off is held by its gear.",
     kind="dynamics",
     parameters=(Parameter("rpm_per_uN_mm", "rpm/(µN·mm)", 0.0, 2e-4, 0.0, 0.1, at_least=0.0),),
     act=_act,

@@ -25,8 +25,9 @@ EFFECT = Effect(
     "motion.",
     law="F_x = −coefficient · f_z · sign(u), u: forward speed of the wheel",
     source="rolling resistance (Wong, Theory of Ground Vehicles)",
-    limits="Independent of speed; rounded off at rest. The brake takes nothing of the wheel's grip across, which holds "
-    "while coefficient is far below the friction coefficient. Casters and balls, which roll any way, are not braked.",
+    limits="Independent of speed; rounded off at rest. The brake does not reduce the lateral grip of the wheel, which "
+    "is true if coefficient is far below the friction coefficient. Casters and balls, which roll in any direction, "
+    "are not braked.",
     kind="dynamics",
     parameters=(Parameter("coefficient", "", 0.0, 0.002, 0.0, 0.5, at_least=0.0, shown=0.3),),
     act=_act,

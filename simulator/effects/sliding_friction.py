@@ -18,8 +18,8 @@ EFFECT = Effect(
     "follows slip ratio and slip angle.",
     law="F = (1 − share) · F(s, α) + share · F(σ_x, σ_y), (σ_x, σ_y) = (u − r·φ', v) / max(√(u² + v²), |r·φ'|)",
     source="theoretical slip (Pacejka 2012, Tire and Vehicle Dynamics, section 4.2)",
-    limits="The two agree if wheels hardly slide sideways, but not in a turn on the spot: there the slip angle of "
-    "a wheel's centre says nothing of a wheel that spins.",
+    limits="The two laws agree if wheels hardly slide sideways, but not in a turn on the spot, where the slip angle "
+    "of a wheel's centre does not depend on how fast the wheel spins.",
     kind="dynamics",
     parameters=(Parameter("share", "", 0.0, 0.05, 0.0, 1.0, at_least=0.0, closed=True),),
     act=_act,

@@ -48,8 +48,8 @@ EFFECT = Effect(
     "n = clip(common ∓ half, ±wheel_rpm)",
     source="limits of linear and angular velocity of drive controllers (ros2_controllers, diff_drive_controller) and "
     "of motor controllers; measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",
-    limits="The same forward and backward, and sharp. Of a command that ramps the ends are limited, and the ramp lies "
-    f"straight between them. {NO_LIMIT_RPM:g} rpm are no limit.",
+    limits="The limits are equal forward and backward, and sharp. If a command changes linearly, its first and last "
+    f"values are limited and joined by a straight line. {NO_LIMIT_RPM:g} rpm are no limit.",
     kind="command",
     parameters=(WHEEL, AHEAD, TURN),
     act=_act,

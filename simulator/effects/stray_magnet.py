@@ -54,10 +54,10 @@ EFFECT = Effect(
     law="F = force_mN · (10 mm/d)^exponent · e/d, e: from the robot's centre to the point, d = √(|e|² + (2 mm)²)",
     source="field of a magnet that is small beside its distance (Jackson, Classical Electrodynamics): the force "
     "between two poles goes with 1/d², between a pole and a dipole with 1/d³, between two dipoles with 1/d⁴",
-    limits="One force at the centre: its gradient over the robot, hence its moment, is left out, and so is what it "
-    "adds to the loads of the wheels. Nearer than about 2 mm, half the wheelbase, it is rounded off, to 0 at the point "
-    "itself. Force and exponent are hard to tell apart where all runs keep one distance, and both from plate-tilt "
-    "where the point is farther away than the robot moves.",
+    limits="One force at the centre. Its gradient over the robot, and so its moment, is left out, and also its share "
+    "in the loads of the wheels. Nearer than about 2 mm, half the wheelbase, it decreases smoothly to 0 at the point "
+    "itself. Force and exponent are hard to distinguish if all runs keep one distance from the point, and the effect "
+    "is hard to distinguish from plate-tilt if the point is farther away than the robot moves.",
     kind="dynamics",
     of_plate=True,
     parameters=(FORCE, *PLACE, EXPONENT),

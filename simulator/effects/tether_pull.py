@@ -20,8 +20,9 @@ EFFECT = Effect(
     name="a wire pulls with a force fixed in the body",
     sentence="A wire pulls at the robot's centre with a force fixed in the body: x_mN forward, y_mN to the left.",
     law="F = (x_mN, y_mN) in the body frame",
-    source="balance of forces: a stiff wire that rides along hands on the same force in every pose",
-    limits="Whatever the pose, speed and time. The line of action passes through the robot's centre: no moment.",
+    source="balance of forces: a stiff wire that moves with the robot exerts a constant force in the robot's frame",
+    limits="The force does not depend on pose, speed or time. Its line of action passes through the robot's centre: no "
+    "moment.",
     kind="dynamics",
     parameters=(
         Parameter("x_mN", "mN", 0.0, 0.05, -20.0, 20.0, shown=0.0),

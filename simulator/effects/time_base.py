@@ -17,7 +17,7 @@ EFFECT = Effect(
     sentence="Measured times are factor times the true ones.",
     law="t measured = factor · t",
     source="a frame rate that is not the stated one: factor = true rate / stated rate",
-    limits="One factor for all runs: dropped frames and a drifting clock are not this.",
+    limits="One factor for all runs. The effect does not describe dropped frames or a clock that drifts.",
     kind="observation",
     parameters=(Parameter("factor", "", 1.0, 0.005, 0.5, 2.0, at_least=0.01, on_ground=OF_SECONDS),),
     view=_view,

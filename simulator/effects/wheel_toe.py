@@ -21,7 +21,7 @@ EFFECT = Effect(
     "counter-clockwise seen from above.",
     law="the wheel's slip and friction are those of its own axes, turned by left_deg or right_deg from the body's",
     source="static toe (ISO 8855)",
-    limits="The contact stays where it is; camber, and the toe of driven wheels, are left out.",
+    limits="The contact point does not move. Camber, and the toe of driven wheels, are left out.",
     kind="dynamics",
     parameters=(
         Parameter("left_deg", "deg", 0.0, 0.2, -30.0, 30.0, shown=4.0),

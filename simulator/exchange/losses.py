@@ -10,8 +10,8 @@ def losses(robot: Robot, left_rpm: float, right_rpm: float, kind: str = "mjcf") 
     """Properties of the robot that its export ("mjcf" or "sdf") omits, one sentence each."""
     at = f"{left_rpm:g} / {right_rpm:g} rpm"
     friction = (
-        f"Friction is creep in proportion to force, matched to the slip law at the turn of {at}: there the radius is "
-        "the robot's. At another ratio of the commands it is near that, and starts and stops differ."
+        f"Friction is creep in proportion to force, matched to the slip law at the turn of {at}, where the radius is "
+        "that of the robot. At another ratio of the commands the radius is only similar, and starts and stops differ."
     )
     said = [
         friction,

@@ -32,10 +32,10 @@ EXAMPLE = (
 )
 
 
-PYTHON = '''"""An effect of your own in Python: it may do whatever those of simulator/effects do.
+PYTHON = '''"""An effect of your own in Python. It may change everything that the effects in simulator/effects change.
 
-It is run only where you name it: turnscope diagnose experiment.toml --effect {file}, or, for every command, in the
-environment variable TURNSCOPE_EFFECTS.
+The file is executed only if you name it: turnscope diagnose experiment.toml --effect {file}, or, for every command, in
+the environment variable TURNSCOPE_EFFECTS.
 """
 
 from simulator.effects.definition import Effect, Values
@@ -52,10 +52,10 @@ EFFECT = Effect(
     name="what is wrong, in a few words",
     sentence="What the effect does, with its parameters.",
     law="v_left = (1 + left) · r·ω_left",
-    source="where it is from",
-    limits="Where it stops being true.",
+    source="reference of the law",
+    limits="Limits of its validity.",
     kind="dynamics",
-    # name, unit, value at which it vanishes, a change that shows, bounds of a fit
+    # name, unit, value at which it vanishes, smallest visible change, bounds of a fit
     parameters=(Parameter("left", "", 0.0, 0.005, -0.5, 0.5),),
     act=_act,
 )
@@ -76,25 +76,25 @@ def template(
     """The text of effects/ID.toml."""
     terms = "\n".join(map(_row, rows))
     return f"""# An effect of your own. Put this file into the folder effects/ beside experiment.toml or robot.toml:
-# the diagnosis then tries it like its own, and [[effect]] of robot.toml takes it by its id.
+# the diagnosis then tests it like those of the catalogue, and an [[effect]] of robot.toml can name it by its id.
 format = 1
 id = {json.dumps(effect_id)}
 name = {json.dumps(name, ensure_ascii=False)}
 sentence = {json.dumps(sentence, ensure_ascii=False)}
-# law = "…"      # the formula; without it, it is made from the terms
-# source = "…"   # where it is from
-# limits = "…"   # where it stops being true
+# law = "…"      # the formula; by default composed from the terms
+# source = "…"   # reference of the law
+# limits = "…"   # limits of its validity
 
 # A term adds coefficient × depends_on to a channel. Terms add up; several may share a coefficient (give unit, low,
 # high and step once). Without its coefficients (at 0) the effect vanishes.
 # channel: {_listed(CHANNELS)}.
-#   Forces in mN, moment in µN·mm, steer in degrees, camera in mm, left_drive and right_drive in rpm that are added
-#   to the command; speed, load, stiffness and friction are relative changes of the wheels that pattern weighs.
+#   Units: forces mN; moment µN·mm; steer degrees; camera mm; left_drive and right_drive rpm, added to the command;
+#   speed, load, stiffness and friction: relative changes of each wheel, times its weight in the pattern.
 # depends_on: {_listed(BASES)}.
 #   u, v in mm/s, yaw rate in rad/s, time in s, x and y in mm; the drives take the commands (rpm) only.
 # pattern, of wheel channels: {_listed(PATTERNS)}.
-# unit of the coefficient: as it is to be shown. low, high: bounds of a fit, around 0. step: a change that shows.
-# begin: where a fit begins besides where the data point to, such as what an earlier one found.
+# unit: of the coefficient, for display. low, high: bounds of a fit, with 0 between them. step: smallest visible change.
+# begin: optional further initial value of a fit, such as the result of an earlier fit.
 
 {terms}"""
 
