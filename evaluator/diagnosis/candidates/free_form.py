@@ -222,10 +222,10 @@ def _families() -> Iterator[tuple[Item, ...]]:
         yield tuple(Item(channel, "one", pattern) for channel in ("friction", "friction_across", "stiffness"))
     yield from each("steer", "one", pattern="driven")
     yield from each("steer", "one", pattern="driven-left-right")
-    # a load shifted from one diagonal to the other is magnet-imbalance, to a fifth of a sigma
+    # a load shifted from one diagonal to the other differs from magnet-imbalance by a fifth of a sigma only: omitted
     for pattern in ("front-rear", "driven-left-right"):
         yield from each("load", "one", pattern=pattern)
-    # of all wheels alike, load would act as nothing where the law is normalized by it
+    # a constant change of the load of all wheels has no effect if the slip law is normalized by the load
     yield from each("load", "time", "abs_u", "sign_u", pattern="driving")
     yield from each("load", "sign_u", "abs_yaw_rate", pattern="front-rear")
     yield from each("load", "sign_yaw_rate", pattern="driving-left-right")

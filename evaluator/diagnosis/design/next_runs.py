@@ -43,7 +43,7 @@ from simulator.robot import Robot
 Floats = NDArray[np.float64]
 
 RATE_HZ = 20.0  # of hypothetical frames: three times what the fastest modes need (features.FASTEST_HZ)
-RIVAL_PROBABILITY = 0.02  # as often the wrong one of two effects that are SAME_SIGMAS apart is more probable
+RIVAL_PROBABILITY = 0.02  # frequency with which the wrong one of two effects SAME_SIGMAS apart is the more probable one
 MOST_RIVALS = 3  # the runs that separate these are an afternoon's work already (MOST_RUNS)
 RIDGE = 1e-10  # regularization of a matrix with unit diagonal, for parameters that are equivalent
 MOST_RUNS = 8  # an afternoon's work; rivals that they cannot exclude count as inseparable

@@ -149,8 +149,10 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
             gained, what = max(freed, default=(0.0, ""))
             hides = (what, gained) if gained > HIDDEN * seen else ("", None)
             shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0], *hides))
-        alone = [item for item in shown if item.sigmas > 0] or shown  # some only say of which kind another one is
-        found.append(min(alone, key=lambda item: item.sigmas))
+        # parameters without influence on their own, such as the fall-off of an attraction at its absent value, do not
+        # count
+        visible = [item for item in shown if item.sigmas > 0] or shown
+        found.append(min(visible, key=lambda item: item.sigmas))
     return found
 
 

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
 FASTEST_HZ = 3.0  # includes two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms
-MOST_MODES = 72  # of a run of 12 s at FASTEST_HZ; longer ones, whose cost grows with it, are seen less fast
+MOST_MODES = 72  # of a run of 12 s at FASTEST_HZ; in longer runs the fastest mode is slower, to limit the cost
 AT_ONCE = 16  # frames
 DISTANCE_MODES = 8  # few, because the distance of the marks is constant except for errors of the camera
 # Deviation of a run's median power from the common one, over the root of its independent modes, from which a run has an

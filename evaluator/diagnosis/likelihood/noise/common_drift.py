@@ -34,7 +34,11 @@ Floats = NDArray[np.float64]
 # its size over the root of its correlation time, which determines its growth, so that rate and time are hardly
 # confounded.
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
-LASTING_S = (1.0, 4.0, 16.0)  # a shorter one is seen in the spectrum, of a longer one a run shows the beginning
+LASTING_S = (
+    1.0,
+    4.0,
+    16.0,
+)  # the spectrum shows shorter correlation times; a run is too short to distinguish longer ones
 BEGIN = (5, 1, 5)  # of size, time and creep: in the middle of each
 
 
@@ -47,7 +51,8 @@ def drift_of(rate: int, time: int, creep: int) -> Drift:
     return Drift(RATES_MM[rate] * float(np.sqrt(LASTING_S[time])), LASTING_S[time], RATES_MM[creep])
 
 
-# What a model is fitted with before the drift is known: friction and gains of single runs must not have to follow it.
+# Drift that a fit assumes before it is estimated; without one, friction and gains of single runs would follow the
+# drift.
 USUAL_DRIFT = drift_of(*BEGIN)
 
 
@@ -92,10 +97,10 @@ def common_drift(
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
     views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
-    parameters. assumed: the drift that the views are whitened with; of friction that wanders they know nothing.
+    parameters. assumed: the drift for which the views are whitened; they are not whitened for varying friction.
     friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. begin:
-    where the search begins on the grid. Nothing of either where the views are explained as well without it, within what
-    chance allows. Evidences of several models are comparable if their views are whitened alike.
+    where the search begins on the grid. Drift or rate is 0 if the views are explained as well without it, within
+    chance. Evidences of several models are comparable if their views are whitened alike.
     """
     frames = list(zip(views, compressions, times_s, friction, strict=True))
 
@@ -113,7 +118,7 @@ def common_drift(
         while place != last:  # the evidence has one maximum
             last, near = place, _around(place, free)
             for time in {at[1] for at in near}:
-                lasting(time)  # once, and not by each of those that begin together
+                lasting(time)  # computed before the parallel work, which would compute it several times
             evidences = list(each(lambda at: log_evidence(*at), near))
             place = near[int(np.argmax(evidences))]
         return place
@@ -175,9 +180,9 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precisi
         variance = 1 + drift.size_mm**2 * run.wanders
         creeps = drift.creep_mm_s * run.creeps / np.sqrt(variance)
         square = float(creeps @ creeps)
-        # of 1 + c·cᵀ, to the power -1/2: it lessens what lies along c
-        less = (1 - 1 / np.sqrt(1 + square)) / max(square, 1e-300)
-        white = (np.eye(len(creeps)) - less * np.outer(creeps, creeps)) / np.sqrt(variance)
+        # (1 + c·cᵀ)^(-1/2) = 1 - share·c·cᵀ whitens a creep c
+        share = (1 - 1 / np.sqrt(1 + square)) / max(square, 1e-300)
+        white = (np.eye(len(creeps)) - share * np.outer(creeps, creeps)) / np.sqrt(variance)
         turned = partial(_of_midpoint, white)
         view = changed(run.view, turned)
         widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))

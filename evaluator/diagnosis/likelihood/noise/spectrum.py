@@ -60,7 +60,7 @@ def _slow_part(values: Floats, seen: NDArray[np.int64], missing: NDArray[np.int6
         return np.asarray(np.cos(np.pi * np.arange(modes) * ((slots[:, None] + 0.5) / count)))
 
     known = waves(seen)
-    normal = known.T @ known  # a little ridge: of a long gap the modes say nothing
+    normal = known.T @ known  # regularized below, because the samples do not determine the modes within a long gap
     fitted = np.linalg.solve(normal + 1e-2 * np.trace(normal) / modes * np.eye(modes), known.T @ values)
     return np.asarray(waves(missing) @ fitted)
 

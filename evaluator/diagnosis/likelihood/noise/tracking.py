@@ -21,19 +21,22 @@ from evaluator.diagnosis.likelihood.noise.spectrum import MEDIAN_OF_POWER, SLOWE
 Floats = NDArray[np.float64]
 
 FEWEST_MODES = 24  # below this a spectrum of three parameters is not worth fitting; the noise is taken as white
-# What trackers show: correlation over a few frames up to half a second. Fast modes alone leave longer ones undecided.
+# Prior of the correlation time: errors of trackers are correlated over a few frames up to half a second. Fast modes
+# alone do not determine longer times.
 USUAL_CORRELATION_S = 0.1
 CORRELATION_SPREAD = 1.0  # of its logarithm
-# Weight of the median of a band relative to the mean of its modes. The median alone tells 0.49 of it: its scatter is
-# 2.0 over the root of the independent modes, that of the mean 1.41. The median of neighbouring bands (LINE_BANDS) adds:
-# with this weight, white noise passes for correlated in one of ten sessions (simulated: 100 of 12 runs of 300 frames).
+# Information in the median of a band relative to that in the mean of its modes. For a single band it is 0.49: the
+# median scatters by 2.0 over the root of the number of independent modes, the mean by 1.41. Neighbouring bands
+# (LINE_BANDS) add information: with this value, white noise is taken for correlated in one of ten sessions (simulated:
+# 100 sessions of 12 runs of 300 frames).
 OF_MEDIAN = 0.78
-LINE_BANDS = 5  # of 60, some 2.5 Hz of a camera of 60 frames a second: lines of two bands' width are held down
+LINE_BANDS = 5  # of 60, some 2.5 Hz at 60 frames a second: their median suppresses lines as wide as two bands
 # -2 log likelihood that a correlated part must gain for its two parameters, power and time (Akaike 1974, IEEE TAC 19,
-# 716). It acts most where the fit looks least: by chance it gave slow modes 40 % more power than white noise has.
+# 716). Without this limit, correlations by chance gave the slow modes, which are extrapolated, 40 % more power than
+# white noise has.
 CORRELATED_AT = 2 * 2.0
 MEMORY = (-20.0, 6.0)  # of the logit of the correlation of neighbouring samples: none, to one that lasts 400 samples
-POWER_REACH = 40.0  # logarithm of a power over that of the fast modes: beyond, it is nothing, or all
+POWER_REACH = 40.0  # bound of the logarithm of a power over that of the fast modes: 0 or everything, for all purposes
 QUANTIZATION_MM = 1e-5  # marks files carry six decimals at most: noise below this is not noise of a camera
 
 
