@@ -9,8 +9,8 @@
 A command is a velocity (geometry_msgs Twist or TwistStamped), the joint velocities of the wheels (sensor_msgs
 JointState: left_joint and right_joint name theirs, or lists of them, of which the mean counts), or two numbers, left
 and right, in rad/s (std_msgs Float32MultiArray or Float64MultiArray). Poses are nav_msgs Odometry, geometry_msgs
-PoseStamped or PoseWithCovarianceStamped. The time of a message is that of its header, where that has one, else
-that at which it was recorded. It needs rosbags (pip install 'turnscope[ros]').
+PoseStamped or PoseWithCovarianceStamped. The time of a message is that of its header or, if the header has none, the
+time at which it was recorded. Reading needs rosbags (pip install 'turnscope[ros]').
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def _commanded(sides: Sides, times: Array, half: float) -> Array:
 
 
 def _cost(measured: Array, told: Array) -> Array:
-    """Log of the share of velocity that the log leaves, summed over both, at each shift (k,)."""
+    """Logarithm of the share of the velocity that the commands do not explain, summed over both, at each shift (k,)."""
     size = measured.shape[1]
     products = [signal.correlate(b, a, mode="valid") for a, b in zip(measured, told, strict=True)]
     squares = [np.convolve(b**2, np.ones(size), mode="valid") for b in told]
@@ -110,7 +110,7 @@ def _sums(measured: Array, told: Array, window: NDArray[np.int64]) -> Array:
 
 
 def _of_sums(sums: Array) -> Array:
-    """The cost (k,) from products and squares (3, 2, k); NaN where the log says nothing but rest."""
+    """The cost (k,) from products and squares (3, 2, k); NaN at shifts at which the log commands rest alone."""
     products, squares, own = sums
     explained = products**2 / np.maximum(squares * own, 1e-300)
     left = np.log(np.maximum(1 - np.where(products > 0, explained, 0.0), 1e-12))

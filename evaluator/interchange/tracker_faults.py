@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-FEWEST_ROWS = 4  # of equal places in a row: rounding to hundredths of a millimetre makes two or three of a slow mark
+FEWEST_ROWS = 4  # of equal places; rounding to 0.01 mm gives a slow mark two or three equal places in succession
 SIGMAS = 6.0  # robust standard deviations of the distance of two marks, which is that of a rigid body
-# Change of the heading from one row to the next from which the marks are exchanged: half a revolution, less by what the
-# robot turned in between, which its usual yaw rate must explain.
+# Smallest change of the heading between two rows that counts as an exchange of the marks: half a revolution, minus the
+# turn of the robot in between, which its usual yaw rate must explain.
 LEAST_EXCHANGED_RAD = 2 * np.pi / 3
-SOUND_SHARE = 0.2  # largest relative difference of the distance of both marks from the usual one: else one is wrong
+SOUND_SHARE = 0.2  # of the usual distance of both marks: if it deviates by more, one of the marks is wrong
 LEAST_SHARE = 0.02  # of this distance: a keystone of the camera changes it by about as much over a plate
 
 
@@ -42,7 +42,7 @@ def without_faults(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 def _put_back(table: pd.DataFrame, names: Sequence[str]) -> str:
     """Exchange two marks where a tracker exchanged them, in place; a note that counts the rows, "" if there are none.
 
-    The larger part of the rows is assumed right. Three and more marks are told apart by their distances.
+    The larger part of the rows is assumed to be right. Three and more marks are distinguished by their distances.
     """
     if len(names) != 2:
         return ""
@@ -97,7 +97,7 @@ def _without_repeated(table: pd.DataFrame, names: Sequence[str]) -> str:
         most = max(SIGMAS * robust_sigma(apart[moving]), LEAST_SHARE * usual)
         for name in (first, second):
             for begin, end in still[name]:
-                if np.any(np.abs(apart[begin:end] - usual) > most):  # NaN, if the other mark is not seen, is not
+                if np.any(np.abs(apart[begin:end] - usual) > most):  # false for NaN: the other mark is not visible
                     lost[name][begin + 1 : end] = True
     counts = {name: int(rows.sum()) for name, rows in lost.items() if rows.any()}
     for name in counts:

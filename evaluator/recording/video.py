@@ -252,7 +252,7 @@ class Recording:
                 self._notes.append(f"no presentation times in the file: taken from its rate {float(rate):g}/s")
                 self.tick = 1 / rate
             elif self._rate:
-                self._notes.append(f"{float(self._rate):g}/s was said, but the recording has times: those are used")
+                self._notes.append(f"the given rate {float(self._rate):g}/s is not used: the recording has times")
         return count if self._counted else image.pts
 
     def _finish(self, count: int, last: int) -> None:

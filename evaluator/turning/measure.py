@@ -39,7 +39,7 @@ def measure_turning(
     left_rpm: float | None = None,
     right_rpm: float | None = None,
 ) -> Turning:
-    """Measure one run.
+    """Measure the turning radius and the speeds of one run from its poses.
 
     shape: for the radii of wheels and corners and the slip angles; with the commanded rpm also the slip ratios.
     start_s, stop_s: times at which the motors were commanded on and off; optional. For a run that does not turn, rests,

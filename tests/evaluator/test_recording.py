@@ -49,7 +49,7 @@ def test_times_that_stand_still_come_from_the_rate_of_the_file_or_the_one_given(
 def test_a_rate_that_is_not_needed_is_said_not_to_be_used(tmp_path: Path) -> None:
     recording = open_recording(write_video(tmp_path / "v.mkv", noise_images(3)), rate_hz=30)
     assert [float(frame.time) for frame in recording] == pytest.approx([0, 1 / 60, 2 / 60], abs=1e-3)
-    assert recording.report().notes == ("30/s was said, but the recording has times: those are used",)
+    assert recording.report().notes == ("the given rate 30/s is not used: the recording has times",)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])

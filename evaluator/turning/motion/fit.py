@@ -1,4 +1,7 @@
-"""Steady motion of an interval of poses with its uncertainty: outliers rejected, noise estimated from residuals."""
+"""Steady motion of an interval of poses with its uncertainty: outliers rejected, noise estimated from residuals.
+
+The geometry is in steady_motion.py: another model of a turn replaces `fit_steady_motion` and returns a SteadyMotion.
+"""
 
 from __future__ import annotations
 
@@ -119,9 +122,12 @@ def _body_from_plate(heading_rad: Array) -> Array:
 
 @dataclass(frozen=True)
 class Scaled:
-    """Poses of the quiet point of the body; headings are scaled so that all three coordinates have equal noise."""
+    """Poses of the point whose position and heading noise are uncorrelated; see TurnFit.offset_mm.
 
-    pose: Array  # (n, 3): x, y mm, heading rad, of the quiet point
+    length_mm: factor on headings, so that all three coordinates have equal noise.
+    """
+
+    pose: Array  # (n, 3): x, y mm, heading rad, of that point
     covariance: Array  # (n, 3, 3) body frame, mm², heading times length
     offset_mm: Array
     length_mm: float

@@ -147,7 +147,7 @@ def _first_guess(scaled: Array, length: float, used: NDArray[np.bool_]) -> tuple
 
 
 def _first_along(scaled: Array, start: Array, twist: Array, length: float) -> Array:
-    if abs(twist[2]) * np.ptp(scaled[:, 2]) > 0.3 * length * abs(twist[2]):
+    if twist[2] != 0 and np.ptp(scaled[:, 2]) > 0.3 * length:  # a turn by 0.3 rad: headings order the frames
         return np.asarray((scaled[:, 2] - start[2]) / twist[2])
     angle = start[2] / length
     direction = np.array(
