@@ -87,5 +87,5 @@ def _step(values: Floats, measured: Points, here: Points, changes: Sequence[Poin
     low, high = (np.append(side * MOST_SIGMAS - values, np.full(3, side * np.inf)) for side in (-1, 1))
     target = np.concatenate([left, -np.diag(ridge) * values])
     # hundreds of rows become some thirty
-    triangle = np.linalg.qr(np.column_stack([np.vstack([design, ridge]), target]), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.column_stack([np.vstack([design, ridge]), target]), mode="r"))
     return np.asarray(lsq_linear(triangle[:, :-1], triangle[:, -1], (low, high), method="bvls").x[:count])
