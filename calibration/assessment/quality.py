@@ -31,6 +31,13 @@ IMPLAUSIBLE = 3.0  # prior sigmas
 # it; beyond three the model or the gauge file is wrong.
 MISFIT = 3.0
 TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance best; TILT_DEG of next_image is its middle
+# What to do if the images do not determine the camera, the gauge is stretched, or the height correction is uncertain.
+ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
+STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
+HEIGHT_STEP = (
+    f"for the height correction, add images with the gauge {TILTED}, or lay the gauge on a spacer as high as the marks "
+    "(dots.height_mm), or measure the distance of the lens (--distance-mm VALUE SIGMA)"
+)
 SMALLEST_TILT_DEG = 5.0  # cos 5° = 0.996: foreshortening cannot be separated from the scale of the pose
 # Below the first, the corners are judged by their covariance. Below the second, the covariance is not trusted either,
 # because the lens model was chosen from the visible part alone.
@@ -51,11 +58,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     camera = calibration.camera
     scale = camera.scale_sigma(mark_height_mm)
     if not np.isfinite(scale):
-        raise CalibrationError(
-            f"{calibration.sightings[0].name}: the plane {mark_height_mm:g} mm above the plate is not in view of the "
-            f"camera found, {camera_height(camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the "
-            "mark height and the gauge file right? Add images with the gauge tilted"
-        )
+        raise CalibrationError(_out_of_view(calibration, mark_height_mm))
     plate_scale = camera.scale_sigma(calibration.gauge.dots.height_mm)
     spread = tilt_spread_deg(calibration)
     covered = coverage(calibration)
@@ -63,41 +66,29 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     ill = len(calibration.views) > 1 and bool(why := _ill_conditioned(calibration, spread))
     if ill:
         reasons += why
-        steps.append(
-            f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
-        )
+        steps.append(ILL_STEP)
     if misfit := _misfit(calibration):
         reasons += misfit
         steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
     if printed := _stretched(calibration):
         (reasons if abs(calibration.excess) / 2 > calibration.stated.scale_sigma else notes).append(printed)
-        steps.append(
-            "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
-        )
+        steps.append(STRETCHED_STEP)
     if wrong := _wrong_size(calibration):
         reasons += wrong
         steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
+    unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
+    exact = camera.with_exact_pitch()  # an error of the pitch acts equally at every height
     if covered < MODEST_COVERAGE:
         sparse = f"dots cover {100 * covered:.0f} % of the image; distortion is extrapolated elsewhere"
-        if (
-            covered < SMALLEST_COVERAGE
-            or not worst_scale_sigma(camera.with_exact_pitch(), mark_height_mm) < SCALE_TOLERANCE
-        ):
+        if covered < SMALLEST_COVERAGE or not worst_scale_sigma(exact, mark_height_mm) < SCALE_TOLERANCE:
             reasons.append(sparse)
             steps.append("move the gauge so that dots reach every part of the image that will be used")
         else:
             notes.append(sparse)
-    unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
-    exact = camera.with_exact_pitch()  # an error of the pitch acts equally at every height
     seen, seen_on_plate = exact.scale_sigma(mark_height_mm), exact.scale_sigma(calibration.gauge.dots.height_mm)
     if seen > 1.5 * seen_on_plate and (unchecked or seen > SCALE_TOLERANCE):
         reasons.append(_height_sentence(calibration, mark_height_mm, seen, seen_on_plate))
-        if not ill:
-            steps.append(
-                f"for the height correction, add images with the gauge {TILTED}, or lay the gauge on a spacer as "
-                "high as the marks (dots.height_mm), or measure the distance of the lens "
-                "(--distance-mm VALUE SIGMA)"
-            )
+        steps += [] if ill else [HEIGHT_STEP]
     level: Level = "ill-conditioned" if ill else "limited" if reasons else "sound"
     doubt = (
         f"lengths and turning radii at {mark_height_mm:g} mm are known to {100 * scale:.2g} % (1 sigma), "
@@ -114,6 +105,15 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
         plate_scale_sigma=plate_scale,
         tilt_spread_deg=spread,
         coverage=covered,
+    )
+
+
+def _out_of_view(calibration: Calibration, height_mm: float) -> str:
+    """Message for a plane that the camera found does not see."""
+    return (
+        f"{calibration.sightings[0].name}: the plane {height_mm:g} mm above the plate is not in view of the camera "
+        f"found, {camera_height(calibration.camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the mark "
+        "height and the gauge file right? Add images with the gauge tilted"
     )
 
 

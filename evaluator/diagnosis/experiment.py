@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.store import load_camera
@@ -147,36 +148,16 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             skipped[run.id] = "no marks"
             continue
         try:
-            read = read_marks(marks[run.id])
-            table = reference_marks(without_faults(read, mark_names(read)), robots[name])
+            shown, table = _read_run(run, order, marks[run.id], robots[name], pairs[name])
         except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
-        values = table[["time_s", *columns_of(pairs[name])]].to_numpy(dtype=float, copy=True)
-        both = np.isfinite(values).all(axis=1)
-        fewest = FEWEST_POSES if run.poses else FEWEST_FRAMES
-        if both.sum() < fewest:
-            seen = "poses that do not repeat the one before" if run.poses else "frames in which both marks are seen"
-            skipped[run.id] = f"{both.sum()} {seen}; at least {fewest} are needed"
-            continue
-        inside = slice(int(np.flatnonzero(both)[0]), int(np.flatnonzero(both)[-1]) + 1)
-        values = values[inside]
-        values[:, 1:] = without_outliers(values[:, 1:])
-        try:
-            shown = _run_data(run, order, values[:, 0], values[:, 1:])
-            own = _own_frames(shown, fewest)
-        except InputError as error:
-            skipped[run.id] = str(error)
-            continue
-        shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own])
-        inside = slice(inside.start + own.start, inside.start + own.stop)
-        line = reference_line(robots[name])
-        data.append(replace(shown, line_rad=float(np.arctan2(line[1], line[0]))))
+        data.append(shown)
         used.append(robots[name])
         camera = (cameras or {}).get(run.id)
         sightings.append(
             Sighting(
-                table[inside],
+                table,
                 pairs[name],
                 f"camera {list(known).index(camera) + 1}",
                 known[camera],
@@ -197,6 +178,34 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     runs, owners = tuple(piece for piece, _ in pieces), tuple(robot for _, robot in pieces)
     session = without_mistakes(needed_of(Session(runs, owners, skipped, relevant=experiment.relevant)))
     return with_knowledge(session, experiment.known_to)
+
+
+def _read_run(run: Run, order: int, marks: Path, robot: Robot, pair: Sequence[str]) -> tuple[RunData, pd.DataFrame]:
+    """The frames of a run that a diagnosis uses, and their rows in the table of the robot's reference pair.
+
+    Raises InputError with the reason why the run cannot be used.
+    """
+    read = read_marks(marks)
+    table = reference_marks(without_faults(read, mark_names(read)), robot)
+    values = table[["time_s", *columns_of(pair)]].to_numpy(dtype=float, copy=True)
+    both = np.isfinite(values).all(axis=1)
+    fewest = FEWEST_POSES if run.poses else FEWEST_FRAMES
+    if both.sum() < fewest:
+        seen = "poses that do not repeat the one before" if run.poses else "frames in which both marks are seen"
+        raise InputError(f"{both.sum()} {seen}; at least {fewest} are needed")
+    first, last = (int(np.flatnonzero(both)[end]) for end in (0, -1))
+    values = values[first : last + 1]
+    values[:, 1:] = without_outliers(values[:, 1:])
+    shown = _run_data(run, order, values[:, 0], values[:, 1:])
+    own = _own_frames(shown, fewest)
+    line = reference_line(robot)
+    shown = replace(
+        shown,
+        time_s=shown.time_s[own],
+        marks_mm=shown.marks_mm[own],
+        line_rad=float(np.arctan2(line[1], line[0])),
+    )
+    return shown, table[first + own.start : first + own.stop]
 
 
 def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:

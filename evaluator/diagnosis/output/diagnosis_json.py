@@ -20,8 +20,12 @@ from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
 from evaluator.diagnosis.output.content import (
     ChangesContent,
     DiagnosisContent,
+    DisagreesContent,
     GapContent,
+    KnownToContent,
     KnownTogetherContent,
+    MistakeContent,
+    NegligibleContent,
     NoiseContent,
     NominalContent,
     Number,
@@ -42,15 +46,7 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "format": 1,
         "verdict": diagnosis.verdict,
         "reason": diagnosis.reason,
-        "mistakes": [
-            {
-                "runs": list(item.runs),
-                "kind": item.kind,
-                "equivalent_kinds": list(item.equivalent_kinds),
-                "sentence": item.sentence,
-            }
-            for item in diagnosis.session.mistakes
-        ],
+        "mistakes": _mistakes(diagnosis.session),
         "effects": [],
         "gap": None,
         "negligible": [],
@@ -69,38 +65,13 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
     return {
         **found,
         "effects": effects(diagnosis),
-        "negligible": [
-            {"id": item["id"], "parameters": item["parameters"], "changes": _changes(diagnosis.changes[effect])}
-            for effect in sorted(diagnosis.negligible)
-            for item in [effect_content(diagnosis, effect)]
-        ],
-        "known_to": [
-            {
-                "quantity": item.quantity.key,
-                "name": item.quantity.name,
-                "unit": item.quantity.unit,
-                "taken": rounded(item.quantity.sigma),
-                "found": rounded(item.found),
-                "low": rounded(item.low),
-                "high": rounded(item.high),
-                "equivalent": [item.alike] if item.alike else [],
-            }
-            for item in diagnosis.known
-        ],
+        "negligible": _negligible(diagnosis),
+        "known_to": _known_to(diagnosis),
         "known_together": _together(diagnosis),
         "findings": [item.sentence for item in diagnosis.known if item.is_finding],
         "gap": _gap(diagnosis),
         "where": _where(diagnosis, apart),
-        "disagrees": [
-            {
-                "run": item.run,
-                "phase": item.phase,
-                "quantity": item.quantity,
-                "size": rounded(item.size),
-                "sigmas": rounded(item.sigmas),
-            }
-            for item in apart
-        ],
+        "disagrees": _disagrees(apart),
         "rivals": rivals(diagnosis),
         "next_experiment": next_experiment(diagnosis),
         "constancy": {item.halves: rounded(item.probability) for item in diagnosis.constancy},
@@ -111,6 +82,55 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "shared_errors_sigmas": _shared(diagnosis),
         "not_tried": _not_tried(diagnosis.session),
     }
+
+
+def _mistakes(session: Session) -> list[MistakeContent]:
+    return [
+        {
+            "runs": list(item.runs),
+            "kind": item.kind,
+            "equivalent_kinds": list(item.equivalent_kinds),
+            "sentence": item.sentence,
+        }
+        for item in session.mistakes
+    ]
+
+
+def _negligible(diagnosis: Diagnosis) -> list[NegligibleContent]:
+    return [
+        {"id": item["id"], "parameters": item["parameters"], "changes": _changes(diagnosis.changes[effect])}
+        for effect in sorted(diagnosis.negligible)
+        for item in [effect_content(diagnosis, effect)]
+    ]
+
+
+def _known_to(diagnosis: Diagnosis) -> list[KnownToContent]:
+    return [
+        {
+            "quantity": item.quantity.key,
+            "name": item.quantity.name,
+            "unit": item.quantity.unit,
+            "taken": rounded(item.quantity.sigma),
+            "found": rounded(item.found),
+            "low": rounded(item.low),
+            "high": rounded(item.high),
+            "equivalent": [item.alike] if item.alike else [],
+        }
+        for item in diagnosis.known
+    ]
+
+
+def _disagrees(apart: Sequence[RunDisagreement]) -> list[DisagreesContent]:
+    return [
+        {
+            "run": item.run,
+            "phase": item.phase,
+            "quantity": item.quantity,
+            "size": rounded(item.size),
+            "sigmas": rounded(item.sigmas),
+        }
+        for item in apart
+    ]
 
 
 def _changes(found: Changes) -> ChangesContent:
