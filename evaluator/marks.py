@@ -75,8 +75,8 @@ def require_marks(table: pd.DataFrame, name: str, marks: Iterable[str]) -> None:
         return
     if all(column in table or column.replace("_mm", "_px") in table for column in needed):
         raise InputError(
-            f"{name}: the marks are in px, and only a camera tells where on the plate they are; track with --camera "
-            "or call evaluator.place_on_plate(table, camera, height_mm)"
+            f"{name}: the marks are in px and must be placed on the plate with a camera; track with --camera or call "
+            "evaluator.place_on_plate(table, camera, height_mm)"
         )
     raise InputError(f"{name}: lacks {', '.join(missing)}; a marks CSV has {_described(marks)}")
 

@@ -116,7 +116,7 @@ def diagnose(
 
 
 def say_doubts(experiment: Path) -> None:
-    """Name values of robot files that seem to be in another unit: an effect would make good for them."""
+    """Name values of robot files that seem to be in another unit, which a diagnosis would report as an effect."""
     from evaluator.settings import load_experiment
     from evaluator.workflow.checks import doubts_of_robots
 
@@ -177,7 +177,7 @@ def _write_effect(found: DiagnosisResult, path: Path) -> None:
     from simulator.own_effects.template import ID_LINE, id_of_file
 
     if changed := found.content.get("changed_meanwhile"):
-        click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
+        click.echo(f"{', '.join(changed)} changed during the search; the answer is for the earlier content")
     form = Outputs(found.out).own_effect
     if found.verdict != "unknown" or not form.is_file():
         raise InputError(f"--write-effect {path}: the verdict is {found.verdict}; there is no free-form term to write")
@@ -195,7 +195,7 @@ def _say(found: DiagnosisResult) -> None:
     click.echo("\n".join(verdict_lines(found.content)))
     click.echo(f"\n{found.out / 'diagnosis.json'}{same}")
     if changed := found.content.get("changed_meanwhile"):
-        click.echo(f"{', '.join(changed)} changed during the search, whose answer is for what was there before")
+        click.echo(f"{', '.join(changed)} changed during the search; the answer is for the earlier content")
     for form in Outputs(found.out).own_effects:
         if found.verdict == "unknown" and form.is_file():
             click.echo(f"{form}  (free-form term that explains the runs; move it to effects/ to use it as an effect)")

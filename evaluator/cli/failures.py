@@ -21,7 +21,7 @@ def run_safely(group: click.Group) -> int:
             error.show()
             return 2
         except (click.Abort, Cancelled, KeyboardInterrupt):
-            click.echo("interrupted; what was finished is kept, run the same command again to go on", err=True)
+            click.echo("interrupted; finished results are kept; run the same command again to continue", err=True)
             return 130
         except (ValueError, OSError, MemoryError) as error:
             sentence = sentence_of(error)
@@ -48,7 +48,7 @@ def sentence_of(error: ValueError | OSError | MemoryError) -> str | None:
     from simulator.errors import SimulationError
 
     if isinstance(error, MemoryError):
-        return f"more memory is needed than this machine gives ({error}); is a size in one of the files too large?"
+        return f"more memory is needed than this machine has ({error}); is a size in one of the files too large?"
     if isinstance(error, (CalibrationError, SimulationError, InputError)):
         return str(error)
     if isinstance(error, OSError) and error.strerror:  # words of the system, for a full disk or a protected folder

@@ -63,7 +63,7 @@ def _toml(name: str, columns: int | None, rows: int | None, pitch_mm: float | No
         f'diameter_mm = {diameter_mm}\nlayout = "square"\ncolor = "black"\nbackground = "white"\n'
         "pitch_tolerance_percent = 0.1       # how well the pitch is known, 1 sigma: enters every length\n"
         "height_mm = 0.0                     # of the dots above the plate: thickness of the sheet, spacer\n\n"
-        "# [tolerance]                       # of the plate itself, where it is known: counted in every interval\n"
+        "# [tolerance]                       # of manufacturing, if known: part of every interval\n"
         "# dot_mm = 0.002                    # of each dot about its place, standard deviation\n"
         "# flatness_mm = 0.05                # peak to valley that 95 of 100 such plates keep\n"
     )

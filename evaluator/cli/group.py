@@ -90,4 +90,4 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="turnscope")
 def turnscope() -> None:
-    """Measure how a microrobot turns, and find out why it does not turn as the model predicts."""
+    """Measure how a skid-steered robot turns, and find out why it does not turn as the model predicts."""

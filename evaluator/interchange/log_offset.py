@@ -58,9 +58,9 @@ def log_offset(
     measured = _measured(time_s, pose, times, half)
     low, high = round((times[0] - last) / step), round((times[-1] - first) / step)  # offsets, in steps
     wide = times[0] + step * np.arange(-high, len(times) - low)
-    told = _commanded(sides, wide, half)
+    commanded = _commanded(sides, wide, half)
     shifts = step * np.arange(high, low - 1, -1)
-    cost = _cost(measured, told)
+    cost = _cost(measured, commanded)
     if not np.isfinite(cost).any():
         return None
     near = (np.abs(shifts) <= near_s) & np.isfinite(cost)
@@ -68,7 +68,7 @@ def log_offset(
     if not near[best] and near.any() and np.nanmin(cost[near]) < cost[best] + HALF:
         best = int(np.nanargmin(np.where(near, cost, np.nan)))
     window = np.arange(max(best - round(AROUND_S / step), 0), min(best + round(AROUND_S / step) + 1, len(shifts)))
-    sums = _sums(measured, told, window)
+    sums = _sums(measured, commanded, window)
     value = _least(shifts[window], _of_sums(sums.sum(axis=0)))
     without = np.array([_least(shifts[window], _of_sums(sums.sum(axis=0) - block)) for block in sums])
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
@@ -91,19 +91,19 @@ def _commanded(sides: Sides, times: Array, half: float) -> Array:
     return np.stack([(left + right) / 2, right - left])
 
 
-def _cost(measured: Array, told: Array) -> Array:
+def _cost(measured: Array, commanded: Array) -> Array:
     """Logarithm of the share of the velocity that the commands do not explain, summed over both, at each shift (k,)."""
     size = measured.shape[1]
-    products = [signal.correlate(b, a, mode="valid") for a, b in zip(measured, told, strict=True)]
-    squares = [np.convolve(b**2, np.ones(size), mode="valid") for b in told]
+    products = [signal.correlate(b, a, mode="valid") for a, b in zip(measured, commanded, strict=True)]
+    squares = [np.convolve(b**2, np.ones(size), mode="valid") for b in commanded]
     own = [np.full(len(products[0]), a @ a) for a in measured]
     return _of_sums(np.stack([products, squares, own]))
 
 
-def _sums(measured: Array, told: Array, window: NDArray[np.int64]) -> Array:
+def _sums(measured: Array, commanded: Array, window: NDArray[np.int64]) -> Array:
     """Products, squares of the log and of the motion (blocks, 3, 2, k) over each block at the shifts of a window."""
     size = measured.shape[1]
-    at = np.stack([told[:, k : k + size] for k in window], axis=-1)  # (2, m, k)
+    at = np.stack([commanded[:, k : k + size] for k in window], axis=-1)  # (2, m, k)
     parts = np.stack([measured[..., None] * at, at**2, np.broadcast_to(measured[..., None] ** 2, at.shape)])
     edges = np.linspace(0, size, BLOCKS + 1).astype(int)
     return np.stack([parts[:, :, a:b].sum(axis=2) for a, b in pairwise(edges)])

@@ -2,7 +2,7 @@
 
 Recognised columns, in upper or lower case: t, time, time_s (or _ms, _us, _ns) or frame; x and y, NAME_x and NAME_y, or
 x1 and y1, each with _px, _um, _mm, _cm or _m behind it or without a unit. A table with a row for each point of a frame
-has a column that tells the points apart (track_id, particle, id …). TrackMate calls its columns POSITION_X, POSITION_T
+has a column that names the point (track_id, particle, id …). TrackMate calls its columns POSITION_X, POSITION_T
 and so on, and writes further names and units, such as (micron), in the lines below.
 """
 
@@ -23,7 +23,7 @@ from evaluator.wording import MM_PER
 from simulator.command import SECONDS
 
 FRAMES = ("frame", "frame_number", "frame_index", "frame_no", "frame_idx", "slice", "index")
-# Columns that tell the points of a frame apart, the most telling first: TrackMate has an ID for every row, too.
+# Columns that name the point of a row, in order of preference: TrackMate also writes an ID that differs in every row.
 POINTS = ("track_id", "track", "trajectory", "particle", "mark", "marker", "object", "id")
 COORDINATE = re.compile(r"(?:(?P<owner>\w+?)_)?(?P<axis>[xy])_?(?P<number>\d*)(?:_(?P<unit>px|um|mm|cm|m))?")
 ALONE = "tracked"  # name of a point that has none

@@ -62,7 +62,7 @@ def test_marks_that_have_no_place_on_the_plate_are_refused_in_a_sentence() -> No
     robot = simulator.load_robot("barrel")
     marks = simulator.marks_of_run(robot, run)
     in_px = marks.rename(columns=lambda name: name.replace("_mm", "_px"))
-    with pytest.raises(InputError, match="only a camera tells where on the plate"):
+    with pytest.raises(InputError, match="must be placed on the plate with a camera"):
         evaluator.poses_from_marks(in_px, evaluator.MarkGeometry.of_robot(robot))
     with pytest.raises(InputError, match=r"use MarkGeometry\.of_robot"):
         evaluator.poses_from_marks(marks, evaluator.MarkGeometry(robot.points_mm), CAMERA)

@@ -15,7 +15,7 @@ FEWEST = 10  # frames with both marks: rounded values of fewer frames could agre
 def copies(data: Sequence[RunData]) -> list[Found]:
     """Runs whose marks are those of an earlier run of the same command, frame for frame.
 
-    A copy under another command is left to those who compare with the simulation: they tell which command is wrong.
+    A copy under another command is left to the comparison with the simulation, which shows which command is wrong.
     Two recordings never agree to the last digit: noise differs. Times may be shifted: a copy may count from elsewhere.
     """
     first: dict[tuple[bytes, tuple[tuple[float, float], ...]], str] = {}
