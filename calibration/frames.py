@@ -26,7 +26,7 @@ def plate_from_body(points_body_mm: ArrayLike, x_mm: ArrayLike, y_mm: ArrayLike,
 
 
 def body_from_plate(points_plate_mm: ArrayLike, x_mm: ArrayLike, y_mm: ArrayLike, heading_rad: ArrayLike) -> Array:
-    """Express plate points in the body frame; the inverse of `plate_from_body`, same shapes."""
+    """Express plate points in the body frame; the inverse of `plate_from_body`: (..., 2) in mm."""
     points = np.asarray(points_plate_mm, dtype=float)
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     x, y = points[..., 0] - np.asarray(x_mm), points[..., 1] - np.asarray(y_mm)

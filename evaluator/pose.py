@@ -166,7 +166,7 @@ def _path_of_one(marks: pd.DataFrame, time: Array, points: Array, geometry: Mark
 
 
 def unwrapped_across_gaps(time_s: Array, heading_rad: Array) -> Array:
-    """Unwrap a heading; NaN stays, and full turns during a gap are inferred from the yaw rates on either side."""
+    """Unwrap a heading (n,); NaN stays, and full turns in a gap are inferred from the yaw rates on either side."""
     result = np.array(heading_rad, dtype=float)
     there = np.flatnonzero(np.isfinite(result))
     if len(there) < 2:

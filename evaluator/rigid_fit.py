@@ -51,7 +51,7 @@ def pose_jacobian(points: Array, heading: Array, places: Array, weights: Array) 
 
 
 def learnt_places(points: Array, places: Array, weights: Array) -> Array:
-    """Places on the body, measured in the frames that show all points; the given ones if there are too few frames.
+    """Places (m, 2) on the body, measured in frames that show all points; the given ones if there are too few frames.
 
     If one of several points is hidden for a while, an error of its place would move the centre. The weighted mean and
     the direction of the places remain as given.

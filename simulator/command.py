@@ -91,7 +91,7 @@ class Command:
 
     @classmethod
     def constant(cls, left_rpm: float, right_rpm: float, start_s: float = 0.0, stop_s: float | None = None) -> Command:
-        """Motors off, then on at start_s, then off again at stop_s where given."""
+        """Motors off, on at start_s, and off again at stop_s if given. Raises SimulationError if it is not later."""
         if stop_s is not None and stop_s <= start_s:
             raise SimulationError(f"stop_s = {stop_s} is not after start_s = {start_s}")
         end = [] if stop_s is None else [(stop_s, 0.0, 0.0)]
@@ -138,7 +138,7 @@ class Command:
         """Read a command log as from_csv does, each value held until the next.
 
         Before the first row the motors are off; if the robot does not start at rest, the first row holds there, too.
-        wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities.
+        wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities. Raises as from_csv.
         """
         time, left, right = _columns_of_log(path, wheel_radius_m, track_m)
         try:
@@ -195,7 +195,7 @@ class Command:
         return tuple(found)
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array]:
-        """Left and right rpm at the given times, same shape as time_s; at a jump the later value."""
+        """Left and right rpm at the given times (...,), each (...,); at a jump the later value."""
         time = np.asarray(time_s, dtype=float)
         last = len(self.time_s) - 1
         after = np.clip(np.searchsorted(self.time_s, time, side="right"), 0, last)

@@ -125,12 +125,12 @@ class Run:
 
     @property
     def longitudinal_force_mN(self) -> Array:
-        """Friction on each wheel along its rolling direction."""
+        """Friction on each wheel along its rolling direction, (n, w)."""
         return self.wheels.longitudinal_force_mN
 
     @property
     def lateral_force_mN(self) -> Array:
-        """Friction on each wheel to its left."""
+        """Friction on each wheel to its left, (n, w)."""
         return self.wheels.lateral_force_mN
 
     def to_table(self) -> pd.DataFrame:

@@ -172,7 +172,7 @@ def simulate_batch(
     start and end only, so that memory does not grow with the number of times. check: test convergence as `simulate`
     does, with smaller step errors and slightly different speeds. With summary, start and end are compared and their
     distance is taken as the length of the path, so that runs on a circle are reported as unconverged too often. A run
-    whose integration fails is NaN.
+    whose integration fails is NaN. Raises SimulationError if the numbers of entries disagree.
     """
     times = _checked_times(times_s)
     kept = times[[0, -1]] if summary else times

@@ -49,7 +49,7 @@ def completed(
 
 
 def without_strays(points: Array, dot: Integers, index: Integers) -> NDArray[np.bool_]:
-    """Which members lie where the others predict them; all of them if too few remain for a prediction."""
+    """Which members (m,) lie where the others predict them; all of them if too few remain for a prediction."""
     keep = np.ones(len(dot), dtype=bool)
     while keep.sum() > FEWEST_BASE + 1:
         off = np.zeros(len(dot))

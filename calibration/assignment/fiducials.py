@@ -49,7 +49,7 @@ def features_seen(dots: Dots, lattice: Lattice, gauge: Gauge) -> Array:
 
 
 def features_promised(gauge: Gauge, count: int) -> Array:
-    """Features of every dot as the gauge file states them, ordered as the measured ones: (count, rows, columns)."""
+    """Features of every dot as the gauge file states them, (count, rows, columns), in the order of features_seen."""
     expected = np.zeros((count, gauge.dots.rows, gauge.dots.columns))
     expected[0] = np.log(gauge.diameters_mm() / gauge.dots.diameter_mm) / SIZE_SIGMA
     plain, background = color_bgr(gauge.dots.color), color_bgr(gauge.dots.background)

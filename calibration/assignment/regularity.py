@@ -77,7 +77,10 @@ def regular(points: Array, covariance_px2: Array, index: Integers) -> NDArray[np
 
 
 def evidence(points: Array, index: Integers) -> float:
-    """Logarithm of the straightness of the rows of a lattice relative to chance; 0 if chance explains it."""
+    """Logarithm of the straightness of the rows of a lattice relative to chance; 0 if chance explains it.
+
+    points: (m, 2) px. index: (m, 2).
+    """
     rows, off = _rows_of_three(points, index) if len(points) else (np.empty(0), np.empty(0))
     if len(rows) < FEWEST:
         return 0.0

@@ -72,7 +72,8 @@ def dark_dots(image: NDArray[np.generic], color: str | None = None, background: 
     """Turn an image into one plane in which dots are darker than their background.
 
     image: (h, w) or (h, w, 3) BGR of any number type. color, background: as in gauge.toml; without them the plane
-    is the principal axis of the fine detail, brighter toward white, and dots may turn out bright.
+    is the principal axis of the fine detail, brighter toward white, and dots may turn out bright. Raises
+    CalibrationError if both colours are equal.
     """
     array = np.asarray(image)
     if array.ndim == 2 or array.shape[2] == 1:

@@ -28,7 +28,7 @@ def start_values(plane, centers, moments, gap):  # type: ignore[no-untyped-def] 
             a11, a12, a22 = starts[i, 2], starts[i, 3], starts[i, 4]
             longest = _longest(a22, a12, a11) / sqrt(a11 * a22 - a12 * a12)
             # six blur widths hold the edge even where the start misjudges it (measured: less loses blurred dots);
-            # a third of the dot's size tells the slope of the light
+            # a third of the dot's size determines the slope of the light
             wide = max(3.0, 6.0 * starts[i, 5], 0.7 * longest)
             reach[i] = min(wide, max(0.5 * gap[i] - longest, 1.5))
     return starts, reach, good

@@ -26,7 +26,7 @@ NAMES = {3: "triangles", 4: "squares", 5: "pentagons", 6: "hexagons"}
 
 
 def out_of_round(dots: Dots, dot: Integers) -> tuple[int, float]:
-    """Order and amplitude, as a share of the radius, of the strongest common departure of some dots from ellipses."""
+    """Order and amplitude, as a share of the radius, of the strongest common departure of dots (k,) from ellipses."""
     chosen = dot[np.linspace(0, len(dot) - 1, min(len(dot), SAMPLE)).astype(np.int64)]
     found = np.array([_harmonics(dots, k) for k in chosen])
     found = found[np.isfinite(found).all(axis=1)]

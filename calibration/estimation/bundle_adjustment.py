@@ -269,7 +269,7 @@ def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Nor
 
 
 def add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> float:
-    """Add the priors to a normal matrix and gradient in place; returns their cost."""
+    """Add the priors to a normal matrix (n, n) and gradient (n,) in place; returns their cost."""
     free, count = state.free_index, len(state.free)
     difference, weight = prior.mean[free] - state.lens[free], prior.sigma[free] ** -2
     focal = free == 0

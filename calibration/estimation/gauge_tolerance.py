@@ -43,7 +43,7 @@ def with_tolerance(views: list[View], state: State, tolerance: Tolerance) -> lis
 
 
 def covariance_with_tolerance(views: list[View], fit: Fit, tolerance: Tolerance) -> Array:
-    """Covariance of the free lens parameters and all poses, due to noise and to the tolerance of single dots."""
+    """Covariance (n, n) of the free lens parameters and all poses, by noise and by the tolerance of single dots."""
     inverse = np.linalg.inv(fit.normal)
     if tolerance.dot_mm == 0:
         return np.asarray(inverse * fit.variance, dtype=float)

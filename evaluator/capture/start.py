@@ -45,7 +45,7 @@ def line_on(stream: TextIO) -> Signal:
 
 
 def program(command: str) -> Signal:
-    """Start signal: the start of a program of the user that starts the motors."""
+    """Start signal: the start of a program of the user that starts the motors. Raises InputError if there is none."""
 
     def prepare() -> Ready:
         import shutil
@@ -69,7 +69,10 @@ def program(command: str) -> Signal:
 
 
 def serial_command(port: str, text: str, baud: int = 115200) -> Signal:
-    """Start signal: the time at which the last byte of a command was passed to a serial port."""
+    """Start signal: the time at which the last byte of a command was passed to a serial port.
+
+    Raises InputError if the port cannot be opened or pyserial is missing.
+    """
 
     def prepare() -> Ready:
         try:

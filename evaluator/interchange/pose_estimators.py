@@ -24,7 +24,7 @@ DEEPLABCUT_KEY = "df_with_missing"  # of the table in the HDF5 that DeepLabCut w
 
 
 def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
-    """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0."""
+    """Header lines scorer, (individuals,) bodyparts, coords; a row per frame, counted from 0. Raises InputError."""
     import pandas as pd
 
     with path.open(encoding="utf-8", newline="") as file:
@@ -46,7 +46,10 @@ def read_deeplabcut(path: Path, said: FileHints) -> NamedPoints:
 
 
 def read_sleap(path: Path, said: FileHints) -> NamedPoints:
-    """CSV of SLEAP: track, frame_idx, NODE.x, NODE.y and NODE.score, a row for each frame and individual."""
+    """CSV of SLEAP: track, frame_idx, NODE.x, NODE.y and NODE.score, a row for each frame and individual.
+
+    Raises InputError.
+    """
     import pandas as pd
 
     if said.rate_hz is None:

@@ -58,7 +58,7 @@ class Project:
         return found
 
     def times_s(self, frames: Array, rate_hz: float | None) -> Array:
-        """Times of frames. Raises InputError if the project does not state the duration of a frame."""
+        """Times of frames (n,). Raises InputError if the project does not state the duration of a frame."""
         frame_s = 1 / rate_hz if rate_hz else self.frame_s
         if not (np.isfinite(frame_s) and frame_s > 0):
             raise InputError(f"{self.path}: has no frame duration; give rate_hz (frames per second)")

@@ -179,7 +179,7 @@ def unit_of(runs: Sequence[RunView]) -> LengthUnit:
 
 
 def column(runs: Sequence[RunView], name: str, table: str = "turning") -> Array:
-    """A column over some runs."""
+    """A column over some runs, (runs,); NaN where a run has no value."""
     return np.array([run.value(name, table) for run in runs])
 
 

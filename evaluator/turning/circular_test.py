@@ -91,7 +91,7 @@ def circular_test(
 
 
 def commanded_curvature_per_mm(left_rpm: Array, right_rpm: Array, track_mm: float) -> Array:
-    """Signed curvature of equal wheels rolling without slip, positive to the left of a forward path."""
+    """Signed curvature (n,) of equal wheels rolling without slip, positive to the left of a forward path."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(2 * (right_rpm - left_rpm) / (track_mm * (right_rpm + left_rpm)))
 

@@ -106,7 +106,7 @@ def command_delay(
 
 
 def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:
-    """Largest delay that command_delay finds; 0 if the changes follow one another too fast for any."""
+    """Largest delay that command_delay finds, time_s: (n,); 0 if the changes follow one another too fast for any."""
     return _most(_windows(time_s, changes_s, float(np.median(np.diff(time_s))) * FEWEST_FRAMES)[1])
 
 

@@ -43,7 +43,8 @@ def measure_turning(
 
     shape: for the radii of wheels and corners and the slip angles; with the commanded rpm also the slip ratios.
     start_s, stop_s: times at which the motors were commanded on and off; optional. For a run that does not turn, rests,
-    or has too few poses, the radius of the Turning is NaN, with the reason in radius_status.
+    or has too few poses, the radius of the Turning is NaN, with the reason in radius_status. Raises InputError if
+    stop_s is not after start_s.
     """
     if start_s is not None and stop_s is not None and stop_s <= start_s:
         raise InputError(f"stop at {stop_s} s is not after start at {start_s} s")

@@ -45,7 +45,7 @@ class Phases:
     reason: str = ""
 
     def names(self, time_s: Array) -> NDArray[np.str_]:
-        """Phase of every frame: rest, transient, steady or stop (slowing down)."""
+        """Phase of every frame, (n,): rest, transient, steady or stop (slowing down)."""
         if self.reason:
             return np.full(len(time_s), "rest")
         after = self.stop_s if np.isfinite(self.stop_s) else np.inf

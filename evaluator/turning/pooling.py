@@ -48,7 +48,7 @@ class Pooled:
 
 
 def pooled(values: Array, sigmas: Array) -> Pooled:
-    """Pool values with their standard uncertainties; values that are not finite are left out, none left gives NaN.
+    """Pool values (n,) with their standard uncertainties (n,); those that are not finite are left out, none gives NaN.
 
     Values with unknown uncertainty (sigma zero) are pooled by their scatter alone, which a single value does not have.
     """

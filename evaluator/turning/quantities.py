@@ -62,7 +62,7 @@ class Rate:
 
 
 def slip_angle_deg(velocity: Array) -> float:
-    """Slip angle of a body-frame velocity, atan2(v, |u|): the sign convention of the simulated wheels."""
+    """Slip angle of a body-frame velocity (2,), atan2(v, |u|): the sign convention of the simulated wheels."""
     return float(np.degrees(np.arctan2(velocity[1], abs(velocity[0]))))
 
 
@@ -149,7 +149,7 @@ def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, floa
 def path_quantities(
     time_s: Array, scaled: Array, sigma_mm: float, steady: Flags, moving: Flags, speed_mm_s: float
 ) -> dict[str, float]:
-    """Path efficiency, speed ripple and smoothness of a run.
+    """Path efficiency, speed ripple and smoothness of a run; scaled: (n, 3) poses in mm.
 
     path_efficiency: length of the fitted path over that of the driven one, which includes lateral deviations;
     speed_ripple: relative standard deviation of the speed in the steady turn; noise is subtracted from both.

@@ -41,7 +41,7 @@ class Rectangle:
         return Rectangle(middle, sides, corners)
 
     def shares(self, weight: float, gravity: Point) -> Array:
-        """Weight share of each support; both ends of an axle carry the same."""
+        """Weight share of each support, (4,); both ends of an axle carry the same."""
         forward = 2 * (gravity[0] - self.middle[0]) / self.sides[0]
         sideways = 2 * (gravity[1] - self.middle[1]) / self.sides[1]
         quarter = weight / 4

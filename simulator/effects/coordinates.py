@@ -129,7 +129,7 @@ def plain(effect_id: str, parameters: Sequence[Parameter]) -> Candidate:
 def polar(effect_id: str, size: Parameter, angle: Parameter) -> Candidate:
     """An effect with a size and a direction, fitted in Cartesian components, each within the bounds of the size.
 
-    The direction is in degrees, from 0 to its period.
+    The direction is in degrees, from 0 to its period. Raises ValueError for an angle without a period.
     """
     if angle.period is None:
         raise ValueError(f"{effect_id}: {angle.name} has no period, so it is no direction")

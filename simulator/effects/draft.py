@@ -76,7 +76,7 @@ class Draft:
         self.last.clear()
 
     def loads_uN(self) -> tuple[Array, Array]:
-        """Weight share and load f_z of each wheel, by statics; 0 where a wheel has lifted off."""
+        """Weight share and load f_z of each wheel, (n,) each, by statics; 0 where a wheel has lifted off."""
         layout, attraction = self.layout, self.layout.attraction_uN * self.attraction_factor
         robot = self.robot
         return wheel_loads(robot.name, layout.places_mm, robot.weight_uN, self.gravity_mm, attraction, layout.rectangle)

@@ -89,7 +89,7 @@ def load_named() -> tuple[str, ...]:
 
 
 def load_installed() -> tuple[str, ...]:
-    """Load effects of installed packages (entry points of the group turnscope.effects); returns their ids."""
+    """Load effects of installed packages (entry points turnscope.effects); returns ids. Raises SimulationError."""
     found = []
     for point in entry_points(group=GROUP):
         effect = point.load()

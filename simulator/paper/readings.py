@@ -84,7 +84,7 @@ READINGS = (
 
 
 def published_radii(reading: Reading) -> Array:
-    """Radius in mm of each of PUBLISHED_TURNS in a reading."""
+    """Radius in mm of each of PUBLISHED_TURNS in a reading, (5,)."""
     return np.array([_radius(turn, reading) for turn in PUBLISHED_TURNS])
 
 

@@ -165,7 +165,7 @@ def _absent(scene: GaugeScene, gauge: Gauge) -> frozenset[tuple[int, int]]:
 
 
 def ink(color: str) -> Array:
-    """Light of an ink on white paper, (3,), from a name or "#rrggbb"; black ink still reflects 4 %."""
+    """Light of an ink on white paper, (3,), from a name or "#rrggbb"; black reflects 4 %. Raises SimulationError."""
     try:
         written = np.array(to_rgb(color))
     except ValueError as error:

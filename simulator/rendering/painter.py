@@ -59,11 +59,11 @@ class Tag:
     gain: float
 
     def sheet_px(self) -> Array:
-        """Corners of the white sheet, clockwise as seen."""
+        """Corners of the white sheet, (4, 2), clockwise as seen."""
         return self._in_image(self.sheet_mm)
 
     def square_px(self) -> Array:
-        """Corners of the black square."""
+        """Corners of the black square, (4, 2)."""
         return self._in_image(self.square_mm)
 
     def cells_px(self) -> Array:
@@ -77,7 +77,7 @@ class Tag:
 
 
 def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | None:
-    """Pixel box (left, top, right, bottom; right and bottom excluded) about points, cut to the image."""
+    """Pixel box (left, top, right, bottom; right and bottom excluded) about points (n, 2), cut to the image."""
     if not np.isfinite(points_px).all():
         return None
     left, top = np.floor(points_px.min(axis=0)).astype(int) - margin
@@ -87,7 +87,7 @@ def box_about(points_px: Array, margin: int, size_px: tuple[int, int]) -> Box | 
 
 
 def clockwise_hull(points_px: Array) -> Array:
-    """Convex hull of image points, clockwise as seen (y down)."""
+    """Convex hull (k, 2) of image points (n, 2), clockwise as seen (y down)."""
     hull = cv2.convexHull(points_px.astype(np.float32))[:, 0].astype(float)
     x, y = hull.T
     area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
@@ -137,7 +137,7 @@ class RobotLook:
         return clockwise_hull(np.concatenate([top, bottom])), clockwise_hull(top)
 
     def marks_at(self, pose: Array) -> list[Disc | Tag]:
-        """The marks for a pose."""
+        """The marks for a pose (3,)."""
         layout = self.robot.layout
         found: list[Disc | Tag] = []
         places = self.view.marks(*pose)

@@ -34,7 +34,8 @@ class Shot:
 def shots(scene: Scene, rng: np.random.Generator, clock_factor: Fraction = Fraction(1)) -> list[Shot]:
     """Plan the exposures of a scene, in time order; frame k is exposed about k / frame_rate.
 
-    clock_factor: presentation times over true times, 1 for a correct clock of the recorder.
+    clock_factor: presentation times over true times, 1 for a correct clock of the recorder. Raises SimulationError if
+    timing names frames that the scene does not have.
     """
     rate, timing = scene.frame_rate, scene.timing
     slots = max(round(scene.duration_s * rate), 1)

@@ -141,7 +141,7 @@ def forces_from_torques(table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARA
 
 
 def torques(parameters: Array, table: pd.DataFrame, apparatus: Apparatus = PAPER_APPARATUS) -> tuple[Array, Array]:
-    """Torques, mN·mm, of the motors of wheel and disk under a slip law (`law_parameters`), one of each per row."""
+    """Torques, mN·mm, of the motors of wheel and disk under a slip law (`law_parameters`, (7,)), (n,) each."""
     ratio, angle = bench_slips(table, apparatus)
     along, across = normalized_forces(parameters, ratio, angle)
     load, turned = table["normal_force_mN"].to_numpy(float), np.radians(table["slip_angle_deg"].to_numpy(float))

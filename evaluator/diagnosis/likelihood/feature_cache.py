@@ -38,7 +38,7 @@ class FeatureCache:
         self._number = count()
 
     def of(self, tasks: Sequence[Task], simulated: Callable[[Sequence[Task]], Sequence[Floats]]) -> list[Floats]:
-        """Features of every task; simulated: computes those of unknown tasks, each once."""
+        """Features (k,) of every task; simulated: computes those of unknown tasks, each once."""
         keys = self._keys(tasks)
         found = [self._of_run[task.run].get(key) for task, key in zip(tasks, keys, strict=True)]
         missing: dict[tuple[int, Hashable], list[int]] = {}

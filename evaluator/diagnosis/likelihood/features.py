@@ -182,7 +182,7 @@ class Compression:
         return found
 
     def of_tracking(self, residual_mm: Floats) -> Floats:
-        """Features whitened by the noise of each channel alone."""
+        """Features (k,) of residuals (n, 4), whitened by the noise of each channel alone."""
         parts = [np.ascontiguousarray(residual_mm[..., c]) @ part for c, part in enumerate(self.functional)]
         return np.concatenate(parts, axis=-1)
 
@@ -190,7 +190,10 @@ class Compression:
 def compression(
     time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...], floor_mm: float = MODEL_FLOOR_MM
 ) -> Compression:
-    """Modes and whitening of one run. noise: one per channel of CHANNELS. floor_mm: precision of the model."""
+    """Modes and whitening of one run. time_s, used: (n,). noise: one per channel.
+
+    floor_mm: precision of the model.
+    """
     seen = time_s[used]
     span = max(float(seen[-1] - seen[0]), 1e-9)
     count = int(np.clip(2 * span * FASTEST_HZ, 8, MOST_MODES))

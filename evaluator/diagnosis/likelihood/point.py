@@ -108,7 +108,7 @@ class Point:
         return Point(self.per_run, nominal, {effect: tuple(value) for effect, value in values.items()})
 
     def task(self, run: int, shift: Floats | None = None) -> Task:
-        """Parameters for the simulation of one run."""
+        """Parameters for the simulation of one run; shift: added to the numbers per run, (7,)."""
         per_run = self.per_run[run] if shift is None else self.per_run[run] + shift
         return Task(run, tuple(per_run.tolist()), self.nominal, self.terms)
 

@@ -130,7 +130,7 @@ def _per_run_goal(item: Linearized, per_run: Floats, scatter: Floats | None) -> 
 
 
 def place_runs(problem: Problem, point: Point, runs: Sequence[int], scatter: Floats) -> Point:
-    """The point with start poses, friction and gains of these runs fitted, given their scatter; all else is kept."""
+    """The point with start poses, friction and gains of these runs fitted at a scatter (4,); all else is kept."""
     return settled(problem, point, runs, scatter)[0]
 
 

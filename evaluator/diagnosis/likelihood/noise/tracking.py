@@ -228,7 +228,7 @@ def _density(frequency_hz: Floats, free: Floats, step_s: float) -> Floats:
 
 
 def expected_power(noise: Noise, frequency_hz: Floats, step_s: float) -> Floats:
-    """Power of cosine modes, mm², that the white and the correlated part of a noise make."""
+    """Power of cosine modes at frequencies (n,), mm², that the white and the correlated part of a noise make."""
     decay = np.exp(-step_s / noise.correlation_s)
     angle = 2 * np.pi * frequency_hz * step_s
     shape = (1 - decay**2) / (1 - 2 * decay * np.cos(angle) + decay**2)
