@@ -39,6 +39,7 @@ REGULAR = 0.1  # largest deviation, in frames, of times that count frames; stamp
 OUTLIER = 6.0  # scatters of a frame about the middle of its neighbours, beyond which it is omitted
 ALONE = 1.5  # times the deviation of a neighbour from its own neighbours: 2 for an outlier, 1 for a step
 UNSTEADY = 0.5  # largest change of the speed within half a window, as a share; a ripple of 20 % changes it by less
+PUSHED = 2.0  # times the usual speed of a command, from which something else moves the robot
 
 
 @dataclass(frozen=True)
@@ -110,11 +111,11 @@ def lost_frames(run: RunData, sigmas: float = SIGMAS) -> list[Loss]:
     count = numbers[np.isfinite(run.marks_mm).all(axis=1)]
     course = np.column_stack([middle, heading * arm_mm(run)])
     course[_is_outlier(course)] = np.nan
-    steady = _is_steady(run, time)
+    parts = _steady_parts(run, time)
     losses: dict[int, int] = {}
     while len(losses) < len(time) // (2 * FEWEST):
         advance, sigma, speed = advances(count, course, max(FEWEST, round(AROUND_S / frame_s)))
-        advance[~steady] = np.nan
+        advance[~_is_usual(speed, parts)] = np.nan
         whole = np.rint(advance)
         clear = (np.abs(advance) > sigmas * sigma) & (np.abs(advance - whole) < WHOLE)
         clear &= (np.abs(whole) <= MOST_AT_ONCE) & (np.abs(whole) * speed > LEAST_MM)
@@ -192,9 +193,15 @@ def _is_outlier(course: Floats) -> NDArray[np.bool_]:
     return np.asarray(far.any(axis=1))
 
 
-def _is_steady(run: RunData, time: Floats) -> NDArray[np.bool_]:
-    """Frames (n,) at least SETTLED_S from a change of the commands."""
-    steady = np.zeros(len(time), dtype=np.bool_)
-    for item in run.run_command.driven:
-        steady |= (time > item.begin_s + SETTLED_S) & (time < item.end_s - SETTLED_S)
-    return steady
+def _steady_parts(run: RunData, time: Floats) -> list[NDArray[np.bool_]]:
+    """For every command, the frames (n,) at least SETTLED_S from its beginning and its end."""
+    return [(time > item.begin_s + SETTLED_S) & (time < item.end_s - SETTLED_S) for item in run.run_command.driven]
+
+
+def _is_usual(speed: Floats, parts: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Frames (n,) of these parts at which the robot is not pushed."""
+    usual = np.zeros(len(speed), dtype=np.bool_)
+    for part in parts:
+        if part.any():
+            usual |= part & (speed < PUSHED * np.median(speed[part]))
+    return usual

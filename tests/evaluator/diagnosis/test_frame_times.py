@@ -68,6 +68,13 @@ def test_a_recording_without_losses_has_none(seed: int) -> None:
     assert lost_frames(losing({}, seed), sigmas=4.0) == []
 
 
+@pytest.mark.parametrize(("aside_mm", "within_s"), [(1.0, 0.04), (1.0, 0.06), (2.0, 0.1), (4.0, 0.06)])
+def test_a_robot_that_is_pushed_aside_loses_no_frames(aside_mm: float, within_s: float) -> None:
+    run = losing({}, seed=1)
+    aside = aside_mm * (1 + np.tanh((LONG - 3.0) / within_s)) / 2
+    assert lost_frames(replace(run, marks_mm=run.marks_mm + np.outer(aside, [0, 1, 0, 1]))) == []
+
+
 def test_neither_driver_stamps_nor_poses_nor_a_robot_that_slips_back_lose_frames() -> None:
     run = losing({200: 2})
     assert lost_frames(run) != []

@@ -10,6 +10,7 @@ import pytest
 
 from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others
 from evaluator.diagnosis.mistakes.misread.hypotheses import (
     _judged,
     _judged_runs,
@@ -18,6 +19,7 @@ from evaluator.diagnosis.mistakes.misread.hypotheses import (
     misread_runs,
 )
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
+from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds
@@ -125,3 +127,31 @@ def test_only_runs_that_misfit_their_file_or_follow_a_log_are_simulated_as_other
     monkeypatch.setattr(hypotheses, "MOST_AT_ONCE", 2)
     found = _judged_runs(data, [ROBOT] * 4, lambda k: [Alternative(None, data[k]), Alternative("mirrored", data[k])])
     assert [(item.ways[0].run.id, len(item.ways)) for item in found] == [("r0", 1), ("r1", 2), ("r2", 2), ("r3", 2)]
+
+
+def test_a_run_of_another_frame_interval_has_another_rate_though_a_command_fits_a_little_better() -> None:
+    ways = [
+        Alternative(None, RUN),
+        Alternative("wrong-rate", RUN, "x", own=True),
+        Alternative("wrong-command", RUN, "y"),
+    ]
+    found = {misfit: _judged(Judgement(ways, np.array([9.0, misfit, 0.5]), 10.0, ()), set()) for misfit in (1.4, 1.6)}
+    assert [item and (item.kind, item.equivalent) for item in found.values()] == [
+        ("wrong-rate", ("wrong-command",)),
+        ("wrong-command", ()),
+    ]
+
+
+@pytest.mark.parametrize(("moves_as", "told"), [((1, 2, 0), 3), ((1, 0, 3), 2), ((3, 3, 3), 0)])
+def test_runs_that_exchanged_their_commands_are_told_beside_a_large_effect(
+    moves_as: tuple[int, ...], told: int
+) -> None:
+    runs = [replace(RUN, id=f"r{k}", left_rpm=10.0 * k, right_rpm=20.0) for k in range(6)]
+    seen = [
+        Judgement([Alternative(None, run)], np.array([4.0 if k < 3 else 2.0]), 10.0, ()) for k, run in enumerate(runs)
+    ]
+    found = [
+        Found(f"r{k}", "wrong-command", "moves as if", "look up", correction=Correction(command=runs[as_].command))
+        for k, as_ in enumerate(moves_as)
+    ]
+    assert beyond_the_others(found, seen) == found[:told]

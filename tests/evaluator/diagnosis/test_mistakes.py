@@ -142,7 +142,8 @@ def test_a_wrong_command_misses_by_more_than_effects_make_runs_read_rightly(
     others: tuple[float, ...], believed: bool
 ) -> None:
     def judgement(run: str, share: float) -> Any:
-        return SimpleNamespace(ways=[SimpleNamespace(run=SimpleNamespace(id=run))], share=share)
+        stated = SimpleNamespace(id=run, command=(10.0, 20.0), log=None)
+        return SimpleNamespace(ways=[SimpleNamespace(run=stated)], share=share)
 
     seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
     wrong, reversed_ = (Found("r0", kind, "", "") for kind in ("wrong-command", "reversed"))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
 from evaluator.diagnosis.mistakes.misread.judgement import (
     ALIKE,
@@ -17,7 +18,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     Judgement,
     speeds_of_sides,
 )
-from evaluator.diagnosis.mistakes.recognised import MOST, Found
+from evaluator.diagnosis.mistakes.recognised import MOST, Correction, Found
 from simulator.robot import Robot
 
 NEAR_S = 0.15  # offsets of logs that differ by less are equal: neighbours among the tried ones
@@ -54,14 +55,37 @@ def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -
     """The findings without wrong commands of runs whose misfit is only little larger than that of correct runs.
 
     An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance. If
-    the recording belongs to another command, its misfit is several times that of any effect in the other runs.
+    the recording belongs to another command, its misfit is several times that of any effect in the other runs. Not so
+    for runs that have exchanged their commands: chance does not fit each of them to the command of another.
     """
     wrong = {item.run for item in found}
     right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
     if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
         return list(found)
-    share = {item.ways[0].run.id: item.share for item in judgements}
-    return [item for item in found if item.kind != "wrong-command" or share[item.run] > BETTER * max(right)]
+    kept = {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)} | _exchanged(
+        found, judgements
+    )
+    return [item for item in found if item.kind != "wrong-command" or item.run in kept]
+
+
+def _exchanged(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str]:
+    """Runs with wrong commands that have, among themselves, the commands of one another."""
+    stated = {item.ways[0].run.id: _command_of(item.ways[0].run) for item in judgements}
+    moved = {
+        item.run: _command_of(item.correction) for item in found if item.kind == "wrong-command" and item.correction
+    }
+    while moved:
+        given, followed = {stated[run] for run in moved}, set(moved.values())
+        left = {run: way for run, way in moved.items() if way in given and stated[run] in followed}
+        if left == moved:
+            break
+        moved = left
+    return set(moved)
+
+
+def _command_of(item: RunData | Correction) -> object:
+    """Constant speeds or the log of a run, or those to which it is corrected, to compare."""
+    return item.command if item.log is None else item.log.command.knots.tobytes()
 
 
 def without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:

@@ -176,9 +176,11 @@ def _judged(
     as_good = max(ALIKE * best, 0.02 * stated)
     near: dict[Kind, tuple[float, Alternative]] = {}  # the best alternative of each kind, frequent kinds first
     for way, value in zip(ways[1:], misfits[1:], strict=True):
-        if way.kind is not None and value <= as_good and value < near.get(way.kind, (np.inf,))[0]:
+        limit = max(as_good, BETTER * best) if way.own else as_good
+        if way.kind is not None and value <= limit and value < near.get(way.kind, (np.inf,))[0]:
             near[way.kind] = (float(value), way)
-    kind = next((kind for kind in near if kind in usual), next(iter(near)))
+    supported = [kind for kind in near if kind in usual] or [kind for kind in near if near[kind][1].own]
+    kind = next(iter(supported), next(iter(near)))
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
     seen = (
