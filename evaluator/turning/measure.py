@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.pose import NO_HEADING, Poses
-from evaluator.turning.motion.fit import FEWEST_FRAMES, TurnFit, fit_turn, part, scaled_poses
+from evaluator.turning.motion.fit import FEWEST_FRAMES, Scaled, TurnFit, fit_turn, part, scaled_poses
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.motion.steady_motion import linearised, moved
 from evaluator.turning.path import measure_path
@@ -65,7 +65,7 @@ def measure_turning(
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
     systematic = None if poses.systematic is None else poses.systematic[there]
     scaled = scaled_poses(pose, poses.covariance[there], systematic)
-    stretched = scaled.pose * np.array([1.0, 1.0, scaled.length_mm])
+    stretched = scaled.stretched_mm
     phases = find_phases(time, stretched, scaled.sigma_mm, start_s, stop_s)
     seen = replace(
         seen,
@@ -81,21 +81,33 @@ def measure_turning(
     if several := several_motions(seen.phases):
         return replace(seen, radius_status=several)
     names = phases.names(time)
+    if (steady := int((names == "steady").sum())) < FEWEST_FRAMES:
+        return replace(seen, radius_status=f"steady turn of {steady} frames; {FEWEST_FRAMES} are needed")
+    total = int(((poses.time_s >= phases.steady_start_s) & (poses.time_s <= phases.steady_stop_s)).sum())
+    seen, fit, rate = _with_steady_turn(seen, time, scaled, names, total)
+    body = body_quantities(fit, rate, poses.geometry, shape, (left_rpm, right_rpm))
+    return _with(seen, body)
+
+
+def _with_steady_turn(
+    seen: Turning, time: Array, scaled: Scaled, names: NDArray[np.str_], total: int
+) -> tuple[Turning, TurnFit, Rate]:
+    """Fill in radii, speeds and the quantities of the path; returns the fit to the steady turn and its rate, too.
+
+    names: (n,) phases of the frames. total: frames of the steady turn, including those without a pose.
+    """
     steady = names == "steady"
-    if steady.sum() < FEWEST_FRAMES:
-        return replace(seen, radius_status=f"steady turn of {int(steady.sum())} frames; {FEWEST_FRAMES} are needed")
+    stretched = scaled.stretched_mm
     fit = fit_turn(time[steady], part(scaled, steady))
     regions = [names == name for name in ("transient", "steady", "stop")]
     sustained = sustained_turn(time, scaled, regions, fit)
-    total = int(((poses.time_s >= phases.steady_start_s) & (poses.time_s <= phases.steady_stop_s)).sum())
     seen = replace(seen, share_used=float(fit.used.sum() / total))
     rate = _path_rate(fit, time[steady], stretched[steady])
     seen = _with_speeds(_with_radii(seen, fit, sustained), fit, rate)
-    body = body_quantities(fit, rate, poses.geometry, shape, (left_rpm, right_rpm))
     ratio = np.hypot(*fit.body_twist(scaled.offset_mm)[:2]) / max(np.hypot(*fit.body_twist(np.zeros(2))[:2]), 1e-300)
-    quiet_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point with the path `stretched`
-    path = path_quantities(time, stretched, scaled.sigma_mm, steady, names != "rest", quiet_speed)
-    return _with(seen, body | path)
+    point_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point whose path is `stretched`
+    path = path_quantities(time, stretched, scaled.sigma_mm, steady, names != "rest", point_speed)
+    return _with(seen, path), fit, rate
 
 
 def _one_mark(name: str, poses: Poses, start_s: float | None, stop_s: float | None) -> Turning:

@@ -134,6 +134,11 @@ class Scaled:
     sigma_mm: float
     systematic: Array | None = None  # (n, 3, k) body frame, mm: shifts by independent errors common to all frames
 
+    @property
+    def stretched_mm(self) -> Array:
+        """Poses (n, 3) with headings times length_mm: three coordinates in mm."""
+        return np.asarray(self.pose * np.array([1.0, 1.0, self.length_mm]))
+
 
 def scaled_poses(pose: Array, covariance: Array, systematic: Array | None = None) -> Scaled:
     """Move poses (n, 3) to the point whose position noise is uncorrelated with the heading's, and find the length."""
