@@ -70,7 +70,15 @@ def interval(low: float, high: float, digits: int = 3, *, sign: bool = False) ->
     return UNKNOWN if np.isnan(low) else f"{number(low, digits, sign=sign)} to {number(high, digits, sign=sign)}"
 
 
-SERIES_HEAD = ("held", "way", "runs", "", "command over path", "understeer, °/(m/s²)", "sideslip, °/(m/s²)")
+SERIES_HEAD = (
+    "constant",
+    "direction, side",
+    "runs",
+    "",
+    "command over path",
+    "understeer, °/(m/s²)",
+    "sideslip, °/(m/s²)",
+)
 
 
 def series_row(who: str, series: Series) -> list[str]:

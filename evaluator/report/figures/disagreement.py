@@ -18,6 +18,8 @@ SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rat
 FULL_SIGMAS = 12.0  # the darkest shade
 ON_PLATE_WORDS = " On the plate, before: triangles up, measured more than simulated; down, less."
 AFTER_WORDS = "; dots: after, with the effects found"
+# Words on an axis with the sign of values reversed, by the column whose sign they are multiplied by.
+REVERSED = {"direction": "sign reversed backward", "side": "sign reversed in right turns"}
 BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
 AFTER: dict[str, Any] = {"color": BLUE, "marker": "o", "ms": 2.6, "ls": "none"}
 
@@ -113,8 +115,8 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
         "disagreement",
         "Disagreement, second by second",
         "Measured minus simulated; each point is about one second of a run. Open squares: before, the model of "
-        f"robot.toml{AFTER_WORDS if after else ''}. Where the sign follows the motion, backward pieces have their sign "
-        f"reversed.{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
+        f"robot.toml{AFTER_WORDS if after else ''}."
+        f"{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
         tuple(panels),
         pieces,
         (Line("vermillion", "before", marker="square"), Line("blue", "after", marker="dot")) if after else (),
@@ -139,7 +141,8 @@ def _axis(item: Dependence) -> str:
 def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool) -> None:
     kind, motion = _axis(item), "side" if item.quantity == "yaw_deg_s" else "direction"
     some = _thinned(pieces)
-    sign = some["direction" if kind == "heading_deg" else motion] if _turned_over(item) else 1.0
+    reversing = "direction" if kind == "heading_deg" else motion
+    sign = some[reversing] if _turned_over(item) else 1.0
     signed = {
         "speed": ("direction", "speed_rpm"),
         "difference": ("side", "difference_rpm"),
@@ -163,7 +166,7 @@ def _against(axes: Axes, pieces: pd.DataFrame, item: Dependence, *, after: bool)
     }
     axes.set_xlabel(names[kind])
     unit = UNITS[item.quantity].replace("deg", "°")
-    axes.set_ylabel(f"{unit}, sign of the motion" if _turned_over(item) else unit)
+    axes.set_ylabel(f"{unit}, {REVERSED[reversing]}" if _turned_over(item) else unit)
 
 
 def _turned_over(item: Dependence) -> bool:
@@ -181,7 +184,7 @@ def _on_plate(axes: Axes, pieces: pd.DataFrame, item: Dependence) -> None:
     ):
         axes.scatter(some["x_mm"][chosen], some["y_mm"][chosen], s=np.minimum(size[chosen], 90), marker=marker, **look)
     axes.set_aspect("equal", "datalim")
-    axes.set_xlabel("x on the plate, mm" + (", sign of the motion" if item.parity == "odd" else ""))
+    axes.set_xlabel("x on the plate, mm" + (f", {REVERSED['direction']}" if item.parity == "odd" else ""))
     axes.set_ylabel("y, mm")
 
 

@@ -47,7 +47,7 @@ def write_search_sheet(recording: Iterable[Frame], table: pd.DataFrame, settings
 def _in_words(seen: Seen) -> SeenInLuma:
     """Candidates by colour, in the form of candidates in luma."""
     low, high = seen.hue_range_deg
-    sought = f"sought: hue {low:.0f} to {high:.0f} deg, chroma above {seen.floor:.0f}; right: what has it"
+    sought = f"sought: hue {low:.0f} to {high:.0f} deg, chroma above {seen.floor:.0f}; right: pixels of this colour"
     things = tuple(
         Thing(
             one.blob.center_px,
@@ -87,7 +87,7 @@ def _panel(frame: Frame, seen: SeenInLuma, table: pd.DataFrame, row: int) -> Ima
         (_line(number, one), CHOSEN if one.chosen else WARNING) for number, one in enumerate(seen.things, start=1)
     ]
     if not seen.things:
-        lines.append(("nothing of the kind is in this frame", WARNING))
+        lines.append(("no candidate in this frame", WARNING))
     text = np.zeros(((len(lines) + 1) * LINE, 2 * WIDTH, 3), np.uint8)
     for k, (line, ink) in enumerate(lines, start=1):
         cv2.putText(text, line, (8, k * LINE), cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, 1, cv2.LINE_AA)

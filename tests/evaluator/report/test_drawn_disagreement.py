@@ -54,15 +54,15 @@ def dependence(by: str, quantity: str = "along_mm_s", parity: str = "", sigmas: 
         (dependence("heading", parity="even"), [10, 20, 30, 40], 1, ("heading on the plate, °", "mm/s")),
         (
             dependence("twice the heading", "yaw_deg_s", "odd"),
-            *([10, 20, 30, 40], [1, -1, 1, -1], ("heading on the plate, °", "°/s, sign of the motion")),
+            *([10, 20, 30, 40], [1, -1, 1, -1], ("heading on the plate, °", "°/s, sign reversed backward")),
         ),
         (
             dependence("the first second", parity="odd"),
-            *([0.5, 1.5, 2.5, 3.5], [1, -1, 1, -1], ("time since the command, s", "mm/s, sign of the motion")),
+            *([0.5, 1.5, 2.5, 3.5], [1, -1, 1, -1], ("time since the command, s", "mm/s, sign reversed backward")),
         ),
         (
             dependence("order of the runs", "yaw_deg_s", "odd"),
-            *([0, 1, 2, 3], [1, 1, 0, -1], ("run of the session", "°/s, sign of the motion")),
+            *([0, 1, 2, 3], [1, 1, 0, -1], ("run of the session", "°/s, sign reversed in right turns")),
         ),
     ],
 )
@@ -90,7 +90,7 @@ def test_on_the_plate_triangles_point_the_way_of_the_residual_and_grow_with_it(p
         np.testing.assert_allclose(call.args, (np.arange(1, 5)[chosen], np.arange(5, 9)[chosen]))
         np.testing.assert_allclose(call.kwargs["s"], size[chosen])
         assert call.kwargs["marker"] == marker
-    assert labels(axes) == ("x on the plate, mm" + (", sign of the motion" if parity == "odd" else ""), "y, mm")
+    assert labels(axes) == ("x on the plate, mm" + (", sign reversed backward" if parity == "odd" else ""), "y, mm")
 
 
 @pytest.mark.parametrize(

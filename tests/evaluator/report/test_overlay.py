@@ -268,4 +268,4 @@ def test_a_sheet_of_the_search_numbers_what_is_found_in_the_frame_and_in_the_mas
     ]
     put.clear()
     search_sheet._panel(frame(11), SeenInLuma("green", mask, (4.0, 2.0), (40.0, 20.0), "", ()), table, 1)
-    assert put[-1] == ("nothing of the kind is in this frame", (8, 60), WARNING)
+    assert put[-1] == ("no candidate in this frame", (8, 60), WARNING)
