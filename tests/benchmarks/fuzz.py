@@ -30,6 +30,7 @@ from tests.fuzz.readers import READERS, Reader
 
 BATCH, READ = 100, 10_000  # inputs per process
 READER_S = 2.0  # processor time after which a native library that loops is ended: inputs have some kilobytes
+STARTS_S = 900.0  # for a process to start: on a busy machine more than 90 s, which is no fault of an input
 MOST_MB = 2500  # resident memory of a process, libraries included: what one input may take at most
 
 
@@ -84,9 +85,11 @@ class Hunt:
         child.start()
         sending.close()
         number, wrong = rest.start, "no end within three times the limit"
+        longest_s = STARTS_S
         try:
-            while rest and receiving.poll(3 * LIMIT_S):
+            while rest and receiving.poll(longest_s):
                 number, found, seconds, peak_mb = receiving.recv()
+                longest_s = 3 * LIMIT_S
                 rest = range(number + (found is not None), rest.stop)
                 if found is not None and self._is_large(number, found, seconds, peak_mb):
                     break
