@@ -13,6 +13,7 @@ or differs.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import signal
 import subprocess
@@ -35,6 +36,8 @@ from tests.evaluator.browser import BROWSER, pages
 from tests.evaluator.tracking.synthetic import write_video
 
 RATE, WORKERS = 60, 4
+# Dask's profiler keeps what it saw in each second: 0.3 MB a recording, for some hours. Results do not need it.
+LEAN = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
 
 
 def shortened(samples: Path, seconds: float) -> None:
@@ -66,7 +69,9 @@ def on_cluster(experiment: Path, out: Path, rng: np.random.Generator, every_s: f
     with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as cluster:
         # Without nannies: on a busy machine a nanny gives up a worker that takes long to start.
         worker = (sys.executable, "-m", "dask", "worker", cluster.scheduler_address, "--nthreads", "1", "--no-nanny")
-        start = partial(subprocess.Popen, (*worker, "--no-dashboard"), cwd=ROOT, stderr=subprocess.DEVNULL)
+        start = partial(
+            subprocess.Popen, (*worker, "--no-dashboard"), cwd=ROOT, stderr=subprocess.DEVNULL, env=os.environ | LEAN
+        )
         workers = [start() for _ in range(WORKERS)]
         while len(cluster.scheduler.workers) < WORKERS:
             time.sleep(0.5)
