@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import pytest
@@ -116,13 +117,19 @@ def test_whitening_undoes_the_covariance() -> None:
     assert found.log_det == pytest.approx(np.linalg.slogdet(covariance)[1])
 
 
+@cache
+def _path(command: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
+    """Channels of a run, their response to another friction throughout, and to each mode of one that walks."""
+    base, throughout = _channels(BARREL, command), _per_friction(command)
+    return base, throughout, wander_shifts(base, [throughout], base[None, :, 0] + 1j * base[None, :, 1], HALF_MM)
+
+
 def _session(seed: int, rate: float, drift_mm: float = 0.0) -> tuple[list[Linearized], list[Compression], list[Floats]]:
     """Views of twelve runs under white noise, friction that walks at a rate, and a camera that creeps."""
     rng = np.random.default_rng(seed)
     views, compressions, modes = [], [], []
     for command in COMMANDS * 3:
-        base, throughout = _channels(BARREL, command), _per_friction(command)
-        wander = wander_shifts(base, [throughout], base[None, :, 0] + 1j * base[None, :, 1], HALF_MM)
+        base, throughout, wander = _path(command)
         walk = np.einsum("knc,k->nc", wander, rng.normal(0, rate, MODES))
         residual = rng.normal(0, WHITE.white_mm, base.shape) + walk
         residual[:, :2] += rng.normal(0, drift_mm, 2) * TIME_S[:, None]

@@ -7,7 +7,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from evaluator.turning.clock import CommandDelay, _misfit, command_delay
+from evaluator.turning.clock import (
+    RISES_S,
+    CommandDelay,
+    _changes_mm_s,
+    _independent,
+    _longest,
+    _misfit,
+    _reach,
+    _windows,
+    command_delay,
+    most_late_s,
+)
 from evaluator.turning.motion.velocity_change import left_over
 
 FRAME_S = 0.05
@@ -129,19 +140,19 @@ def test_misfit_grows_with_the_square_of_the_noise_and_has_no_other_part(times: 
     assert alike == pytest.approx(0.55, abs=0.15)
 
 
-def scatter(share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of 25 runs, and the parts of their intervals above; below, a rise time may hide."""
+def scatter(share: float, runs: int) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of some runs, and the parts of their intervals above; below, a rise time may hide."""
     time = np.arange(0, 3, FRAME_S)
     pose = driven(time, [1.62], STRAIGHT, TURN)
-    found = [command_delay(time, noisy(pose, seed, share), [1.5]) for seed in range(25)]
+    found = [command_delay(time, noisy(pose, seed, share), [1.5]) for seed in range(runs)]
     return np.array([one.value_s - 0.12 for one in found]), np.array([one.high_s - one.value_s for one in found])
 
 
 def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:
-    error, half = scatter(0.0)
+    error, half = scatter(0.0, 25)
     assert (np.abs(error) < half).sum() >= 21
     assert half.mean() == pytest.approx(1.96 * error.std(), rel=0.35)
-    _, lasting = scatter(0.7)
+    _, lasting = scatter(0.7, 16)
     assert lasting.mean() > 1.15 * half.mean()
 
 
@@ -179,3 +190,50 @@ def test_nothing_is_known_without_a_change_in_the_recording_and_little_of_a_wide
     assert not command_delay(time, pose, [-1.0, 3.5]).is_known
     assert CommandDelay(0.1, -0.35, 0.64).is_known
     assert not CommandDelay(0.1, -0.35, 0.66).is_known
+
+
+def test_velocity_has_settled_after_the_longest_delay_and_all_of_a_rise_or_half_of_a_hidden_one() -> None:
+    assert CommandDelay(0.1, 0.05, 0.2, rise_s=0.3).settled_s == pytest.approx(0.5)
+    assert CommandDelay(0.1, 0.05, 0.2, hidden_rise_s=0.3).settled_s == pytest.approx(0.35)
+
+
+def test_delays_are_found_within_half_of_the_distance_of_two_changes_but_for_six_frames() -> None:
+    """Half distances of 1.25, 1.75 and 1.475 s, from each of which 0.3 s: changes have room for 0.95 and 1.175 s."""
+    time = np.arange(0, 9, FRAME_S)
+    assert most_late_s(time, [-1.0, 2.5, 6.0, 12.0]) == pytest.approx((0.95 + 1.175) / 2)
+    assert most_late_s(np.arange(0, 40, FRAME_S), [20.0]) == 2.0
+    assert most_late_s(time, [2.0, 2.5, 3.0]) == 0.0
+    windows, room = _windows(np.arange(0, 40, FRAME_S), [20.0], 0.3)
+    seen = np.arange(0, 40, FRAME_S)[windows[0][1]]
+    assert (seen[0], seen[-1]) == pytest.approx((17.0, 23.0))
+    assert room == pytest.approx([19.95 / 2 - 0.3])
+
+
+def test_change_of_a_wheel_is_that_of_its_whole_velocity() -> None:
+    """2 mm from the middle: |1| + |0.8| + 2 · |1.2|, and |5| + |0.9| + 2 · |1.9| mm/s, whatever the heading."""
+    time, changes = np.arange(0, 9, FRAME_S), [2.5, 6.0]
+    pose = driven(time, changes, STRAIGHT, TURN, BACK)
+    assert _changes_mm_s(time, pose, changes, changes, 2.0) == pytest.approx([4.2, 9.7], rel=1e-3)
+    assert _changes_mm_s(time, pose, changes, [6.0], 2.0) == pytest.approx([9.7], rel=1e-3)
+    assert _changes_mm_s(time, pose, changes, changes, np.inf).tolist() == [np.inf, np.inf]
+
+
+@pytest.mark.parametrize(("most", "step"), [(0.3, 0.14 / 32), (0.01, 0.02 / 32), (0.05, 0.03 / 32), (2.0, 0.0)])
+def test_longest_rise_time_is_found_to_a_thirty_second_of_the_tried_ones(most: float, step: float) -> None:
+    found = _longest(lambda rise: rise <= most, [0.0, *RISES_S.tolist()])
+    assert min(most, 1.0) - step <= found <= min(most, 1.0)
+
+
+@pytest.mark.parametrize(("way", "distance"), [(1, 0.05), (-1, 0.1)])
+def test_limits_of_a_delay_are_where_the_misfit_has_grown_to_its_limit(way: int, distance: float) -> None:
+    found = _reach(lambda late: 1 + (late - 0.2) ** 2 * (4.0 if late > 0.2 else 1.0), 0.2, way, 1.01, 0.025)
+    assert found == pytest.approx(distance, rel=1e-4)
+
+
+def test_frames_that_are_alike_count_for_fewer() -> None:
+    time = np.arange(0, 3, FRAME_S)
+    pose, windows = noisy(driven(time, [1.5], STRAIGHT, TURN), 2, 0.6), [(1.5, np.abs(time - 1.5) <= 1.0)]
+    _, freedom, alike = _misfit(time, pose, windows, 0.0)
+    assert 0.2 < alike < 0.9
+    found = _independent(time, pose, windows, 0.0, np.zeros(1))
+    assert found == pytest.approx(freedom / (1 + 2 * sum(alike**k for k in range(1, 200))))
