@@ -171,6 +171,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path, help="files or folders to change, from the project's root")
     parser.add_argument("--tests", nargs="+", required=True, help="tests to run, from the project's root")
+    parser.add_argument("--constants", action="store_true", help="only double the numbers that modules name, all")
     parser.add_argument("--sample", type=int, default=60, help="mutants to try (default 60)")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
     parser.add_argument(
@@ -180,7 +181,9 @@ def main() -> int:
     said = parser.parse_args()
     files = [file for path in said.paths for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
     everything = [mutant for file in files for mutant in mutants(file)]
-    chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
+    chosen = [mutant for mutant in everything if mutant.is_constant_of_module]
+    if not said.constants:
+        chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
     trial = Trial(chosen, reach := Reach(ROOT), said.longest_s)
     pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
     share = 1 - trial.survived / max(trial.tried, 1)
