@@ -18,7 +18,7 @@ from evaluator.diagnosis.mistakes.misread import belief
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import is_beyond_tolerances
 from evaluator.diagnosis.mistakes.misread.hypotheses import _judgements, misread_runs
-from evaluator.diagnosis.mistakes.misread.judgement import BETTER
+from evaluator.diagnosis.mistakes.misread.judgement import BETTER, Judgement
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.settings import KnownTo
 from simulator.robot import load_robot
@@ -93,3 +93,36 @@ def test_a_few_runs_stand_for_all_of_a_kind_that_most_show(
     found = [Found(str(k), "reversed", "", "") for k in range(min(count, 32))]
     assert len(belief.beyond_tolerances(found, seen, [TIRES] * count)) == kept
     assert len(tested) == asked
+
+
+KINDS: tuple[Any, ...] = (None, "reversed", "sides-swapped", "mirrored", "wrong-command")
+
+
+@pytest.mark.parametrize(
+    ("within", "odd", "misfits", "asked"),
+    [
+        ({"reversed": 1.0, "sides-swapped": 3.5, None: 6.0}, 1, (6.0, 1.0, 3.5, 5.0, 3.1), KINDS[1:3]),
+        ({"reversed": 3.4}, 1, (9.0, 3.4, 4.0, 5.0, 3.1), KINDS[1:2]),  # 9 is less than three times as much
+        ({"reversed": 1.0, "sides-swapped": 4.5, None: 12.0}, 1, (9.0, 1.0, 4.0, 5.0, 3.1), KINDS[1:3]),
+        ({}, 0, (9.0, 3.5, 4.0, 5.0, 3.1), ()),
+        ({}, 2, (9.0, 3.5, 4.0, 5.0, 3.1), ()),  # most runs are odd
+    ],
+)
+def test_readings_are_tried_within_tolerances_nearest_first_while_they_fit_three_times_better_than_the_file(
+    within: dict[Any, float], odd: int, misfits: tuple[float, ...], asked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = {kind: recorded(np.zeros((9, 4))) for kind in KINDS}
+    tried = []
+
+    def fitted(run: RunData, _: Any) -> float:
+        kind = next(kind for kind, its in runs.items() if its is run)
+        tried.append(kind)
+        return within[kind]
+
+    monkeypatch.setattr(belief, "misfit_within_tolerances", fitted)
+    ways = [Alternative(kind, run) for kind, run in runs.items()]
+    one = Judgement(ways, np.array([9.0, 3.5, 4.0, 5.0, 3.1]), 10.0, ())
+    found = belief.misfits_within_tolerances([one] * 3, [TIRES] * 3, [number < odd for number in range(3)])
+    assert found[0].tolist() == list(misfits)
+    assert found[2].tolist() == one.misfits_mm.tolist() == [9.0, 3.5, 4.0, 5.0, 3.1]
+    assert tried == [*asked, *([None] if None in within else [])]
