@@ -10,8 +10,10 @@ import pytest
 
 from evaluator.comparison import (
     BESIDE,
+    _simulated_from,
     comparison_row,
     resting_pose,
+    simulated_path,
     simulated_poses,
     start_pose,
     trajectory_gap,
@@ -25,6 +27,7 @@ from simulator.command import Command
 from simulator.effects.entry import EffectEntry
 from simulator.effects.view import View
 from simulator.robot import Robot, load_robot
+from simulator.run import State
 
 FRAME_S = 0.02
 STILL = np.zeros(4)
@@ -138,6 +141,24 @@ def test_simulated_run_starts_at_the_mean_of_all_frames_before_its_motors() -> N
     x = np.where(rest.time_s < 0.3, 3.2, 3.0)
     _, seen = simulated_poses(barrel(), RUN, poses_of(rest.time_s, x, rest.y_mm, rest.heading_rad))
     assert seen.x_mm[0] == pytest.approx(x[rest.time_s <= 1.0].mean(), abs=1e-6)
+
+
+def test_a_single_mark_sets_place_and_heading_of_a_simulated_run_by_its_path() -> None:
+    def path_of(start: State) -> Poses:
+        path = _simulated_from(start, barrel(), RUN, at_rest(), 0)[1]
+        return poses_of(path.time_s, path.x_mm, path.y_mm, np.full(len(path.time_s), np.nan))
+
+    motion, seen = simulated_path(barrel(), RUN, path_of(State(-4.0, 7.0, 2.0)))
+    assert (motion.x_mm[0], motion.y_mm[0], motion.heading_rad[0]) == pytest.approx((-4.0, 7.0, 2.0), abs=1e-3)
+    np.testing.assert_allclose(seen.x_mm, path_of(State(-4.0, 7.0, 2.0)).x_mm, atol=1e-3)
+
+
+def test_a_sensor_of_few_frames_tells_the_start_by_its_first_four() -> None:
+    time = 0.2 * np.arange(1, 8)  # two frames in a quarter of a second
+    x = 1 + 2 * time + 3 * time**2 + 10.0 * (np.arange(7) > 3)
+    heading = np.where(np.arange(7) == 1, np.nan, 0.3 + 0.7 * time)
+    x[4] -= 10.0  # the fourth that is known
+    assert start_pose(poses_of(time, x, 0 * time, heading), 0.0) == pytest.approx((x[0], 0.0, heading[0]))
 
 
 def test_clock_that_runs_fast_sees_the_same_start_and_a_slower_robot() -> None:

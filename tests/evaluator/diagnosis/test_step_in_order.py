@@ -11,7 +11,7 @@ from scipy import optimize
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, _order
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.session_changes import DRIFT, friction_change, step_in_speed, step_over_line
+from evaluator.diagnosis.session_changes import DRIFT, _least_line, friction_change, step_in_speed, step_over_line
 
 ORDER = np.arange(16.0)
 # Speeds of 16 runs of a laboratory's simulation, percent, a hundredth slower from the ninth on; the seventh is unlike.
@@ -24,7 +24,7 @@ def said(speed: np.ndarray, per_run: float, share: np.ndarray | float = 0.5) -> 
     """The answer where a drift was fitted and the gains of each run hold the rest, of which a share is seen."""
     shares = np.tile(np.broadcast_to(share, 16)[:, None], (1, 4))
     gains = shares[:, 0] * (speed - per_run * ORDER)
-    left: Any = SimpleNamespace(shares=shares, random_effects=np.column_stack([0 * gains, gains, gains, 0 * gains]))
+    left: Any = SimpleNamespace(shares=shares, random_effects=np.column_stack([5 + gains, gains, gains, 0.1 - gains]))
     point = SimpleNamespace(terms={DRIFT: (per_run,)})
     fit: Any = SimpleNamespace(terms=frozenset([DRIFT]), point=point, runs=tuple(range(16)))
     data: Any = [SimpleNamespace(id=f"r{run + 1}", order=run) for run in range(16)]
@@ -73,6 +73,17 @@ def test_best_step_is_exact_without_noise(after: int, size: float) -> None:
     last, found, odds = step_over_line(ORDER, size * (after <= ORDER), np.ones(16)) or (0, 0.0, 0.0)
     assert (last, found) == (after - 1, size)
     assert odds > 100
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_best_line_is_that_of_the_least_absolute_deviations(seed: int) -> None:
+    """As a linear program: values less the line are what is over it less what is under it."""
+    rng = np.random.default_rng(seed)
+    order, values, weights = np.sort(rng.uniform(0, 9, 6)), rng.normal(size=6), rng.uniform(0.5, 2, 6)
+    design = np.column_stack([np.ones(6), order, np.eye(6), -np.eye(6)])
+    bounds = [(None, None)] * 2 + [(0, None)] * 12
+    found = optimize.linprog([0, 0, *weights, *weights], A_eq=design, b_eq=values, bounds=bounds)
+    assert _least_line(order, values, weights) == pytest.approx(found.fun)
 
 
 def test_one_run_is_no_side_of_a_step() -> None:

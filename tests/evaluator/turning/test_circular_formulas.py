@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import linregress
 from scipy.stats import t as student
 
-from evaluator.turning.circular_test import CircularTest, circular_test
+from evaluator.turning.circular_test import CircularTest, _line, circular_test
 
 WHEELBASE_MM, TRACK_MM = 4.0, 5.0
 ACCELERATIONS = np.array([20.0, 80.0, 180.0, 320.0])  # mm/s²
@@ -117,3 +117,12 @@ def test_straight_runs_and_turns_on_the_spot_are_left_out() -> None:
     found = evaluated(turns([0.1] * 4, [0.08] * 4), straight, spot)
     assert found.points["run"].tolist() == ["r0", "r1", "r2", "r3"]
     assert found.points["series"].tolist() == [0] * 4
+
+
+def test_value_at_no_acceleration_and_slope_of_a_line_vary_against_each_other() -> None:
+    x, y = ACCELERATIONS, np.array([0.081, 0.074, 0.072, 0.062])
+    line = _line(x, y, 0.0)
+    values, covariance = np.polyfit(x, y, 1, cov=True)
+    assert (line.slope, line.at_zero) == pytest.approx(tuple(values))
+    np.testing.assert_allclose(line.covariance, covariance[::-1, ::-1])
+    assert _line(x, y, 1.0).covariance[0, 1] == pytest.approx(-x.mean() / ((x - x.mean()) ** 2).sum())

@@ -11,6 +11,7 @@ from evaluator.turning.clock import (
     RISES_S,
     CommandDelay,
     _changes_mm_s,
+    _fewest,
     _independent,
     _longest,
     _misfit,
@@ -80,10 +81,15 @@ def test_interval_holds_the_delay_with_and_without_half_of_a_rise_that_is_too_sh
     found = delay_of_rising(0.05, 0.2)
     assert found.rise_s == 0
     assert found.value_s == pytest.approx(0.225, abs=0.01)
-    assert found.low_s < 0.2
+    assert 0.15 < found.low_s < 0.2
     assert found.high_s > 0.225
     assert 0.05 < found.hidden_rise_s < 0.15
     assert found.settled_s > 0.25
+
+
+def test_wheels_that_grip_half_as_well_as_on_ice_hide_no_longer_rise() -> None:
+    """A wheel a millimetre from the middle changes by 7.8 mm/s, which takes 8 ms at a tenth of gravity."""
+    assert delay_of_rising(0.05, 0.2, reach_mm=1.0).hidden_rise_s == pytest.approx(7.8 / 980, rel=0.05)
 
 
 def test_changes_of_different_size_at_one_acceleration_do_not_move_the_delay() -> None:
@@ -237,3 +243,8 @@ def test_frames_that_are_alike_count_for_fewer() -> None:
     assert 0.2 < alike < 0.9
     found = _independent(time, pose, windows, 0.0, np.zeros(1))
     assert found == pytest.approx(freedom / (1 + 2 * sum(alike**k for k in range(1, 200))))
+
+
+@pytest.mark.parametrize(("since", "fewest"), [([-2, -1, 0, 1, 2, 3], 2), ([-3, -2, -1, 0, 1], 1)])
+def test_a_change_has_the_frames_of_its_poorer_side(since: list[float], fewest: int) -> None:
+    assert _fewest(np.array(since)) == fewest

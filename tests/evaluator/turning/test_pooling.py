@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evaluator.turning.pooling import Pooled, cochran, difference, paule_mandel, pooled
+from evaluator.turning.pooling import Pooled, cochran, difference, p_of_difference, paule_mandel, pooled
 
 
 def test_scatter_between_runs_is_told_from_measurement_uncertainty() -> None:
@@ -148,3 +148,13 @@ def test_difference_of_what_is_not_known_has_no_bounds(lacking: Pooled) -> None:
         value, low, high = difference(*pair)
         assert value == pytest.approx(pair[1].mean - pair[0].mean, nan_ok=True)
         assert np.isnan([low, high]).all()
+
+
+def test_probability_of_a_difference_is_that_of_welchs_test() -> None:
+    first, second = np.array([7.8, 7.9, 8.1]), np.array([8.0, 8.3, 8.4, 8.9])
+    means = [pooled(values, np.zeros(len(values))) for values in (first, second)]
+    expected = stats.ttest_ind(first, second, equal_var=False).pvalue
+    assert p_of_difference(*means) == pytest.approx(expected)
+    assert p_of_difference(*means[::-1]) == pytest.approx(expected)
+    exact = [Pooled(value, value, value, runs=1, error=0.0, freedom=np.inf) for value in (1.0, 1.0, 2.0)]
+    assert (p_of_difference(*exact[:2]), p_of_difference(*exact[1:])) == (1.0, 0.0)

@@ -129,3 +129,7 @@ def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
         scatter = np.std([float(run[name]) for run in runs])
         # The scatter of 30 runs is known to 13 %; the unknown correlation of the noise widens what is stated.
         assert 0.7 < np.median([float(run[sigma]) for run in runs]) / scatter < 1.5, name
+
+
+def test_body_has_its_four_corners_about_the_middle_of_the_robot() -> None:
+    assert sorted(map(tuple, SHAPE.corners_mm().tolist())) == [(-2.5, -4.5), (-2.5, 4.5), (2.5, -4.5), (2.5, 4.5)]
