@@ -57,6 +57,32 @@ def test_times_in_another_unit_are_told(factor: float, said: str | None, correct
     assert bool(wrong_seconds([slow], [load_robot("barrel")])) == (factor > 1e3)
 
 
+def test_times_of_eight_frames_tell_no_unit() -> None:
+    still = replace(losing({}), time_s=LONG[:9], marks_mm=np.zeros((9, 4)))
+    assert wrong_seconds([replace(still, time_s=60 * LONG[:9])], [load_robot("barrel")]) != []
+    few = replace(still, time_s=60 * LONG[:8], marks_mm=np.zeros((8, 4)))
+    assert wrong_seconds([few], [load_robot("barrel")]) == []
+
+
+def test_error_of_an_advance_is_that_of_a_step_in_a_cubic() -> None:
+    """In each of three coordinates, of which the scatter is that of all; wider where advances scatter more."""
+    rng, around = np.random.default_rng(3), 18
+    course = np.column_stack([2 * LONG, 0.5 * LONG, 0 * LONG]) + 0.01 * rng.normal(size=(len(LONG), 3))
+    found, sigma, speed = advances(np.arange(len(LONG)), course, around)
+    since = (np.arange(2 * around) - around + 0.5) / around
+    design = np.column_stack([since**0, since, since**2, since**3, since > 0])
+    error = np.sqrt(np.linalg.inv(design.T @ design)[4, 4])
+    own = np.full(len(LONG), np.nan)
+    for k in range(around, len(LONG) - around):
+        window = course[k - around : k + around]
+        left = window - design @ np.linalg.lstsq(design, window, rcond=None)[0]
+        own[k] = np.sqrt(np.sum(left**2) / (3 * (2 * around - 5))) * error / speed[k]
+    inner = np.isfinite(own) & np.isfinite(found)
+    wider = sigma[inner] / own[inner]
+    assert wider == pytest.approx(wider[0])
+    assert 1.0 <= wider[0] < 1.2
+
+
 def test_lost_frames_are_found_where_they_are_and_in_their_number() -> None:
     found = lost_frames(losing({120: 1, 200: 2, 300: 1}))
     assert [(loss.time_s, loss.frames) for loss in found] == [(2.0, 1), (pytest.approx(200 / RATE), 2), (5.0, 1)]

@@ -73,6 +73,17 @@ def test_each_search_is_given_the_runs_in_which_nothing_was_found_and_all_that_i
     }
 
 
+@pytest.mark.parametrize(("standing", "alike", "read"), [(8, True, 10), (7, True, 3), (8, False, 2)])
+def test_runs_that_hardly_move_are_read_if_most_do_and_one_factor_slows_them(
+    standing: int, alike: bool, read: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = searches(monkeypatch, lambda *_: [])
+    monkeypatch.setattr(module, "standing_runs", lambda *_: {f"r{number}" for number in range(standing)})
+    monkeypatch.setattr(module, "share_a_factor", lambda *_: alike)
+    module.recognise([driven(number) for number in range(10)], [ROBOT] * 10)
+    assert [len(ids) for name, ids in given if name in ("misread_runs", "late_starts")] == [read] * 2
+
+
 @pytest.mark.parametrize(("wrong", "told"), [(8, 1), (7, 0)])
 def test_of_a_robot_of_a_metre_only_copies_and_what_concerns_four_fifths_of_its_runs_is_told(
     wrong: int, told: int, monkeypatch: pytest.MonkeyPatch
