@@ -155,3 +155,60 @@ def test_runs_that_exchanged_their_commands_are_told_beside_a_large_effect(
         for k, as_ in enumerate(moves_as)
     ]
     assert beyond_the_others(found, seen) == found[:told]
+
+
+def judged(number: int, kind: Any, misfits: tuple[float, float], words: str = "x", **of_way: Any) -> Judgement:
+    """A run of an extent of 10 mm with a log, and one other reading of it."""
+    run = replace(driven(number), log=RunCommand(Command.steps([(0.0, 30.0, 20.0)]), logged=True))
+    return Judgement([Alternative(None, run), Alternative(kind, run, words, **of_way)], np.array(misfits), 10.0, ())
+
+
+@pytest.mark.parametrize(
+    ("rates", "kind", "misfit", "fits"),
+    [
+        ("aaaab", "wrong-rate", 3.0, True),  # four of five runs, three times better than their files
+        ("aaabb", "wrong-rate", 3.0, False),
+        ("aaaaa", "wrong-rate", 3.1, False),
+        ("aaaaa", "mirrored", 3.0, False),
+    ],
+)
+def test_most_runs_share_a_wrong_clock_if_one_rate_fits_them(rates: str, kind: Any, misfit: float, fits: bool) -> None:
+    runs = [judged(number, kind, (9.0, misfit), words) for number, words in enumerate(rates)]
+    assert belief.one_rate_fits(runs) == fits
+
+
+@pytest.mark.parametrize(
+    ("later_s", "alike"),
+    [
+        ((0.3, 0.3, 0.3), 3),
+        ((0.3, 0.3), 0),  # two runs are no session
+        ((0.3, 0.3, 0.3, 0.0), 3),
+        ((0.3, 0.3, 0.0, 0.0), 0),
+        ((0.3, 0.3, 0.3, 0.4, 0.5), 4),  # within 0.15 s of their median
+        ((-0.3, -0.3, -0.2, 0.3), 3),
+    ],
+)
+def test_logs_are_late_alike_if_most_of_three_or_more_are_about_as_late(later_s: tuple[float, ...], alike: int) -> None:
+    runs = [judged(k, "late-start", (9.0, 1.0 if late else 9.5), later_s=late) for k, late in enumerate(later_s)]
+    assert belief.late_alike(runs) == {f"r{k}" for k in range(alike)}
+
+
+def test_a_log_is_late_that_fits_by_a_third_better_and_runs_without_one_or_a_simulation_do_not_count() -> None:
+    late = [judged(k, "late-start", (1.31, 1.0), later_s=0.3) for k in range(3)]
+    assert len(belief.late_alike(late)) == 3
+    assert belief.late_alike([*late[:2], judged(2, "late-start", (1.29, 1.0), later_s=0.3)]) == set()
+    unseen = [judged(k, "late-start", (np.nan, 1.0), later_s=0.9) for k in range(3, 9)]
+    without = [Judgement(WAYS, np.array([9.0, 9.5, 9.5]), 10.0, ()) for _ in range(6)]
+    assert belief.late_alike([*late, *unseen, *without]) == {"r0", "r1", "r2"}
+
+
+@pytest.mark.parametrize(
+    ("misfit", "others", "kept"),
+    [(9.0, (1.0, 2.0), 2), (5.9, (1.0, 2.0), 1), (5.9, (2.0,), 2), (5.9, (2.0, np.nan), 2)],
+)
+def test_a_wrong_command_misfits_three_times_as_much_as_any_two_or_more_right_ones(
+    misfit: float, others: tuple[float, ...], kept: int
+) -> None:
+    runs = [judged(k, "reversed", (value, 9.0)) for k, value in enumerate((misfit, 9.0, *others))]
+    found = [Found("r0", "wrong-command", "", ""), Found("r1", "reversed", "", "")]
+    assert belief.beyond_the_others(found, runs) == found[-kept:]
