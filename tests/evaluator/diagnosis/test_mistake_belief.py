@@ -186,6 +186,7 @@ def test_most_runs_share_a_wrong_clock_if_one_rate_fits_them(rates: str, kind: A
         ((0.3, 0.3, 0.0, 0.0), 0),
         ((0.3, 0.3, 0.3, 0.4, 0.5), 4),  # within 0.15 s of their median
         ((-0.3, -0.3, -0.2, 0.3), 3),
+        ((0.3, 0.3, 0.3, 0.0, 0.0, 0.9, 0.9), 0),  # most are not
     ],
 )
 def test_logs_are_late_alike_if_most_of_three_or_more_are_about_as_late(later_s: tuple[float, ...], alike: int) -> None:
