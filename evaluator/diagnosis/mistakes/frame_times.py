@@ -158,13 +158,13 @@ def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Flo
     used = sliding_window_view(seen, 2 * around)[at].astype(float)
     since = (np.arange(2 * around) - around + 0.5) / around
     design = np.column_stack([np.ones_like(since), since, since**2, since**3, since > 0])
-    normal = np.einsum("nk,ki,kj->nij", used, design, design)
+    normal = (used @ np.einsum("ki,kj->kij", design, design).reshape(2 * around, -1)).reshape(-1, 5, 5)
     enough = (used[:, :around].sum(axis=1) >= FEWEST) & (used[:, around:].sum(axis=1) >= FEWEST)
     normal[~enough] = np.eye(5)
     values = np.where(used[:, None, :] > 0, windows, 0.0)
     inverse = np.linalg.inv(normal)
-    fit = np.einsum("nij,nck,kj->nci", inverse, values, design)  # (n, 3, 5)
-    left = values - np.einsum("nci,ki->nck", fit, design) * used[:, None, :]
+    fit = (values @ design) @ inverse  # (n, 3, 5); the inverse is symmetric
+    left = values - (fit @ design.T) * used[:, None, :]
     degrees = np.maximum(used.sum(axis=1) - 5, 1.0)
     scatter = np.sqrt(np.einsum("nck,nck->n", left, left) / (3 * degrees))
     speed, step = fit[:, :, 1] / around, fit[:, :, 4]
