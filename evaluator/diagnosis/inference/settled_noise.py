@@ -20,7 +20,7 @@ SETTLED_NOISE = 0.9
 def settled_noise(search: Search, best: frozenset[str], common: CommonNoise | None = None) -> Problem | None:
     """The problem with noise estimated from the residuals of a fitted set; None if it is unchanged or larger.
 
-    common: of this set, if it is known already. On open ground larger noise counts as well, because the previous
+    None also if a run that is held out cannot be simulated with this set. common: of this set, if it is known already. On open ground larger noise counts as well, because the previous
     estimate belongs to a set that is no longer the best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
@@ -29,7 +29,11 @@ def settled_noise(search: Search, best: frozenset[str], common: CommonNoise | No
     # residuals, of the camera, of friction or of the model.
     asked = (best or common) and not search.problem.open_ground
     drifting = _with(search.problem, common or common_noise(search, fit)) if asked else search.problem
-    problem = with_noise_of(drifting, place_runs(search.problem, fit.point, runs, fit.posterior.scatter))
+    try:
+        placed = place_runs(search.problem, fit.point, runs, fit.posterior.scatter)
+    except FloatingPointError:  # a held-out run cannot be simulated with this model: its residuals are no noise
+        return None
+    problem = with_noise_of(drifting, placed)
     pairs = zip(problem.noise, search.problem.noise, strict=True)
     ratio = np.median([new[0].sigma_mm / old[0].sigma_mm for new, old in pairs])
     louder = search.problem.open_ground and ratio >= 1 / SETTLED_NOISE

@@ -226,7 +226,7 @@ def test_forces_of_a_bench_have_two_sigmas_and_the_color_of_their_curve(monkeypa
 
 
 def test_plots_of_a_notebook_have_the_places_of_what_they_show() -> None:
-    poses: Any = SimpleNamespace(x_mm=np.array([nan, 1.0, 2.0]), y_mm=np.array([nan, 3.0, 4.0]))
+    poses: Any = SimpleNamespace(x_mm=np.array([nan, 1.0, 2.0]), y_mm=np.array([nan, 3.0, 4.0]), heading_rad=0)
     turning: Any = SimpleNamespace(
         radius_mm=-5.0, radius_low_mm=4.9, radius_high_mm=5.1, center_x_mm=10.0, center_y_mm=20.0
     )
@@ -244,7 +244,7 @@ def test_plots_of_a_notebook_have_the_places_of_what_they_show() -> None:
     turning.center_x_mm = nan
     plots.plot_turn(poses, turning, axes := MagicMock())
     assert len(lines(axes)) == 2
-    lost: Any = SimpleNamespace(x_mm=np.array([nan]), y_mm=np.array([nan]), u_mm_s=1.0)
+    lost: Any = SimpleNamespace(x_mm=np.array([nan]), y_mm=np.array([nan]), heading_rad=0, u_mm_s=1.0)
     plots.plot_run(lost, axes := MagicMock())
     assert len(lines(axes)) == 1
     assert axes.plot.call_args.args[2] == SIMULATED.line
