@@ -20,8 +20,9 @@ SETTLED_NOISE = 0.9
 def settled_noise(search: Search, best: frozenset[str], common: CommonNoise | None = None) -> Problem | None:
     """The problem with noise estimated from the residuals of a fitted set; None if it is unchanged or larger.
 
-    None also if a run that is held out cannot be simulated with this set. common: of this set, if it is known already. On open ground larger noise counts as well, because the previous
-    estimate belongs to a set that is no longer the best.
+    None also if a run that is held out cannot be simulated with this set. common: of this set, if it is known already.
+    On open ground larger noise counts as well, because the previous estimate belongs to a set that is no longer the
+    best.
     """
     fit, runs = search.fits[best], range(len(search.problem.data))
     # Without effects the drift was estimated at the beginning, or the misfit is too large to be a drift of the camera,
