@@ -25,7 +25,7 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
     except FileNotFoundError as error:
         raise InputError(f"{error.filename or path}: no such file") from error
     except OSError as error:
-        reason = of_folder(path) if path.is_dir() else f"cannot be read ({error.strerror})"
+        reason = _of_folder(path) if path.is_dir() else f"cannot be read ({error.strerror})"
         raise InputError(f"{path}: {reason}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file (byte {error.start} is not UTF-8); save it as UTF-8") from error
@@ -52,7 +52,7 @@ def refuse_stream(path: Path) -> None:
         raise InputError(f"{path}: is a pipe or a device, which can be read only once; save its content as a file")
 
 
-def of_folder(path: Path) -> str:
+def _of_folder(path: Path) -> str:
     """Why a folder is refused where a file is expected, with a settings file that it holds."""
     inside = next((f", such as {file}" for file in sorted(path.glob("*.toml"))), "")
     return f"is a folder; give the name of a file{inside}"

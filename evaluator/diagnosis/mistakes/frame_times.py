@@ -39,7 +39,9 @@ REGULAR = 0.1  # largest deviation, in frames, of times that count frames; stamp
 OUTLIER = 6.0  # scatters of a frame about the middle of its neighbours, beyond which it is omitted
 ALONE = 1.5  # times the deviation of a neighbour from its own neighbours: 2 for an outlier, 1 for a step
 UNSTEADY = 0.5  # largest change of the speed within half a window, as a share; a ripple of 20 % changes it by less
-PUSHED = 2.0  # times the usual speed of a command, from which something else moves the robot
+# Times the median speed of a command, from which something else moves the robot: lost frames do not change the speed
+# beside them, a ripple of the wheels by less than half, and a push of 1 mm in 0.1 s multiplies it.
+PUSHED = 2.0
 
 
 @dataclass(frozen=True)

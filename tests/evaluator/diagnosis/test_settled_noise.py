@@ -34,6 +34,17 @@ def test_a_search_is_repeated_under_quieter_noise_and_on_ground_under_louder(
         assert (module.settled_noise(search, BEST) is not None) == repeated
 
 
+def test_noise_stays_as_it_is_if_a_held_out_run_cannot_be_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> None:
+        raise FloatingPointError("run r15 cannot be simulated at this point")
+
+    monkeypatch.setattr(module, "place_runs", fails)
+    monkeypatch.setattr(module, "with_noise_of", lambda *_: pytest.fail("there are no residuals"))
+    fit = SimpleNamespace(point=None, posterior=SimpleNamespace(scatter=None))
+    search: Any = SimpleNamespace(fits={BEST: fit}, problem=SimpleNamespace(data=[1], open_ground=True))
+    assert module.settled_noise(search, BEST) is None
+
+
 def test_drift_is_estimated_from_features_of_which_the_ground_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The old drift and friction are part of the whitening of a run; on a run without them there is nothing to undo."""
     asked = []

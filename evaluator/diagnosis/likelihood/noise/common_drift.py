@@ -34,11 +34,8 @@ Floats = NDArray[np.float64]
 # its size over the root of its correlation time, which determines its growth, so that rate and time are hardly
 # confounded.
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
-LASTING_S = (
-    1.0,
-    4.0,
-    16.0,
-)  # the spectrum shows shorter correlation times; a run is too short to distinguish longer ones
+# The spectrum shows shorter correlation times; a run is too short to distinguish longer ones.
+LASTING_S = (1.0, 4.0, 16.0)
 BEGIN = (5, 1, 5)  # of size, time and creep: in the middle of each
 
 

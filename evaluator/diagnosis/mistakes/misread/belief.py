@@ -62,9 +62,8 @@ def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -
     right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
     if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
         return list(found)
-    kept = {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)} | _exchanged(
-        found, judgements
-    )
+    far = {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)}
+    kept = far | _exchanged(found, judgements)
     return [item for item in found if item.kind != "wrong-command" or item.run in kept]
 
 

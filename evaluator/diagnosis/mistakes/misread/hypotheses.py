@@ -176,6 +176,7 @@ def _judged(
     as_good = max(ALIKE * best, 0.02 * stated)
     near: dict[Kind, tuple[float, Alternative]] = {}  # the best alternative of each kind, frequent kinds first
     for way, value in zip(ways[1:], misfits[1:], strict=True):
+        # specific evidence, such as another frame interval, outweighs a fit that is a little better
         limit = max(as_good, BETTER * best) if way.own else as_good
         if way.kind is not None and value <= limit and value < near.get(way.kind, (np.inf,))[0]:
             near[way.kind] = (float(value), way)
