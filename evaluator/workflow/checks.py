@@ -91,7 +91,7 @@ def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
     for name in dict.fromkeys([experiment.robot, *(run.robot for run in experiment.run if run.robot)]):
         robot = load_any_robot(Path(name))
         if isinstance(robot, Robot):
-            yield from (f"{name}: {doubt}" for doubt in implausible_values(robot))
+            yield from (f"{name}: {doubt}" for doubt in (*implausible_values(robot), *unloaded_supports(robot)))
 
 
 def implausible_values(robot: Robot) -> Iterator[str]:
@@ -107,6 +107,21 @@ def implausible_values(robot: Robot) -> Iterator[str]:
     if strongest_mN and not WEAKEST < strongest_mN / weight_mN < STRONGEST:
         share = f"{strongest_mN / weight_mN:.2g} of its weight of {weight_mN:.3g} mN"
         yield f"magnets attract a wheel with {strongest_mN:.3g} mN, {share}; is the attraction in another unit?"
+
+
+def unloaded_supports(robot: Robot) -> Iterator[str]:
+    """Sentences about supports that do not press on the plate, and about a robot that tips over."""
+    from simulator.dynamics.model import lifted_supports
+    from simulator.errors import SimulationError
+
+    try:
+        lifted = lifted_supports(robot)
+    except SimulationError as error:
+        yield str(error)
+        return
+    if lifted:
+        verb = "carries" if len(lifted) == 1 else "carry"
+        yield f"{', '.join(lifted)} {verb} no load; are the centre of gravity and the places of the supports right?"
 
 
 def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:

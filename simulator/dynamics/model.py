@@ -96,6 +96,15 @@ def compile_robot(
     return record_of(draft, rest_speed_mm_s, slots)
 
 
+def lifted_supports(robot: Robot) -> tuple[str, ...]:
+    """Names of the wheels, casters and balls that carry no load; raises SimulationError where the robot would tip."""
+    draft = Draft(robot)
+    apply_effects(draft, robot.effect)
+    draft.finish()
+    _, loads = draft.loads_uN()
+    return tuple(name for name, load in zip(robot.wheel_names, loads, strict=True) if load == 0)
+
+
 def _numbers_of_body(draft: Draft, unit: float) -> dict[str, Sequence[float]]:
     robot, length = draft.robot, unit * unit
     mass, inertia = robot.body.mass_g, robot.yaw_inertia_g_mm2 / (length * length)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from evaluator.cli.diagnose import say_doubts
-from evaluator.workflow.checks import check_experiment, implausible_values
+from evaluator.workflow.checks import check_experiment, implausible_values, unloaded_supports
 from simulator.robot import load_robot, shipped_robot_text
 
 BARREL = load_robot("barrel")
@@ -36,7 +36,28 @@ def test_a_magnet_holds_a_robot_and_does_not_press_it_flat(share: float, *, doub
 
 @pytest.mark.parametrize("name", ["barrel", "column", "tire", "two_driven_caster", "four_driven", "six_driven"])
 def test_shipped_robots_are_plausible(name: str) -> None:
-    assert list(implausible_values(load_robot(name))) == []
+    robot = load_robot(name)
+    assert [*implausible_values(robot), *unloaded_supports(robot)] == []
+
+
+@pytest.mark.parametrize(
+    ("gravity_mm", "said"),
+    [
+        ((0.0, 0.0), []),
+        ((1.6, 1.8), ["middle_right, rear_left, rear_right carry no load; are the centre of gravity and"]),
+        ((2.1, 0.0), ["is outside the wheels"]),
+    ],
+)
+def test_supports_without_load_and_a_robot_that_tips_are_named(
+    gravity_mm: tuple[float, float], said: list[str]
+) -> None:
+    """Six wheels without magnets: around the one in front at (2, 2), the middle and rear ones of the right lift off."""
+    robot = load_robot("six_driven")
+    wheels = [wheel.model_copy(update={"attraction_mN": 0.0}) for wheel in robot.wheel]
+    body = robot.body.model_copy(update={"center_of_gravity_mm": gravity_mm})
+    found = list(unloaded_supports(robot.model_copy(update={"body": body, "wheel": tuple(wheels)})))
+    assert len(found) == len(said)
+    assert all(words in item for words, item in zip(said, found, strict=True))
 
 
 def test_check_and_diagnose_doubt_a_mass_in_kilograms_with_the_name_of_the_file(
