@@ -4,7 +4,9 @@ On open ground a tiny change of a parameter may give another motion: a robot tha
 of two branches. Close to the bifurcation, the finite difference for a derivative contains the jump between both
 branches; divided by a small step, it dominates all information of the runs about the parameter. Such a difference is
 replaced by that to the other side, where the motion is on the same branch; if both sides jump, the derivative of the
-run is set to 0.
+run is set to 0. Where a measurement is so precise that a smooth step moves the features as far as a jump, both
+differences agree, which those over a jump do not. At the bound of a parameter, the first half of the step takes the
+place of the other side.
 
 On a plate some runs diverge exponentially from their neighbours, such as a backward turn whose sense the friction along
 and across the wheels decides. There a step changes the slope itself by half, and the difference to one side is wrong by
@@ -38,12 +40,17 @@ def jumps(slopes: Floats, steps: Floats) -> list[int]:
     return [int(i) for i in np.flatnonzero(np.linalg.norm(slopes * steps, axis=0) > JUMP)]
 
 
-def smooth_slope(here: Floats, behind: Floats, step: float) -> Floats:
-    """Backward difference (k,) of features; 0 if they jump there too, or are not known."""
-    slope = (behind - here) / step
-    if not np.isfinite(slope).all() or jumps(slope[:, None], np.array([step])):
+def smooth_slope(ahead: Floats, here: Floats, beside: Floats, step: float, amount: float) -> Floats:
+    """Slope (k,) of a run's features by their difference to a point beside, 0 if it contains a jump or is not known.
+
+    ahead: slope over a whole step, which may contain a jump; amount: distance of the point beside, negative behind.
+    """
+    slope = (here - beside) / amount
+    if not np.isfinite(slope).all():
         return np.zeros_like(here)
-    return np.asarray(slope)
+    apart, size = (float(np.linalg.norm(part * step)) for part in (ahead - slope, ahead))
+    smooth = apart <= max(JUMP, BENT_SHARE * size)
+    return np.asarray(slope) if smooth or not jumps(slope[:, None], np.array([amount])) else np.zeros_like(here)
 
 
 def bends(view: Linearized, columns: Sequence[int], steps: Floats, change: Floats) -> bool:

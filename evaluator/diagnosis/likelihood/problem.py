@@ -161,15 +161,15 @@ class Problem:
         doubtful = (
             self._jumping(views, steps) if self.open_ground else self._bending(point, columns, runs, views, steps)
         )
-        behind = [points[before[i]].moved(columns[i], -steps[i]) for _, i in doubtful]
-        able = [(at, far) for at, far in zip(doubtful, behind, strict=True) if far.is_within_bounds(columns[at[1]])]
-        slopes = {at: np.zeros_like(features[at[0]][0]) for at in doubtful if self.open_ground}
-        found = self.features([far.task(runs[number]) for (number, _), far in able])
-        for ((number, i), _), item in zip(able, found, strict=True):
+        amounts = {i: _amount_beside(points[before[i]], columns[i]) for _, i in doubtful}
+        able = [(number, i) for number, i in doubtful if self.open_ground or amounts[i] < 0]
+        beside = [points[before[i]].moved(columns[i], amounts[i]).task(runs[number]) for number, i in able]
+        slopes: dict[tuple[int, int], Floats] = {}
+        for (number, i), item in zip(able, self.features(beside), strict=True):
             here, view = features[number][before[i]], views[number]
             assert view is not None
             if self.open_ground:
-                slopes[number, i] = smooth_slope(here, item, steps[i])
+                slopes[number, i] = smooth_slope(view.common[:, i], here, item, steps[i], amounts[i])
             elif np.isfinite(item).all() and view.common[:, i].any():  # else the side ahead is unknown
                 slopes[number, i] = central_slope(view.common[:, i], here, item, steps[i])
         return with_slopes(views, slopes, theta_of(point, columns))
@@ -193,7 +193,7 @@ class Problem:
             for i, column in enumerate(columns)
             if (column.term is None or column.key in point.terms)
             and column.has_two_sides
-            and point.moved(column, -steps[i]).is_within_bounds(column)
+            and _amount_beside(point, column) < 0
         ]
         sound = [(number, view) for number, view in enumerate(views) if view is not None]
         if not inside or not sound:
@@ -249,3 +249,9 @@ class Problem:
         per_run[:, varied] = ((base - features[-len(varied) :]) / self.per_run_steps[varied, None]).T
         response = base + common @ theta_of(point, columns) + per_run[:, 3:] @ point.per_run[run, 3:]
         return Linearized(response, common, per_run[:, :3], per_run[:, 3:])
+
+
+def _amount_beside(point: Point, column: Column) -> float:
+    """Distance to a second point of a derivative: a step back or, if that is beyond a bound, half a step ahead."""
+    behind = point.moved(column, -column.step)
+    return -column.step if behind.is_within_bounds(column) else column.step / 2

@@ -220,7 +220,7 @@ def test_slopes_on_ground_hold_no_jump() -> None:
             assert np.abs(left).max() == pytest.approx(TRUTH - 0.04, abs=1e-9)
 
 
-def test_beyond_its_bounds_no_parameter_is_tried() -> None:
+def test_beyond_its_bounds_no_parameter_is_tried_and_half_a_step_ahead_takes_the_place_of_one_behind() -> None:
     tried: list[float] = []
 
     @dataclass(frozen=True)
@@ -230,17 +230,35 @@ def test_beyond_its_bounds_no_parameter_is_tried() -> None:
             return super().marks(tasks)
 
     bounded = replace(DRIFT, coordinates=(Coordinate("size", 0.0, 0.1, 0.03, 10.0),))
-    at = Point(np.zeros((3, 7)), terms={"drift": (0.04,)})
-    _, second, _ = problem_of(Watched(-60.0), 100.0).linearized(at, [Column("drift", 0, bounded)])
-    assert min(tried) == 0.04
-    assert not second.common.any()
+    for value, in_first_half in ((0.035, False), (0.045, True)):
+        at = Point(np.zeros((3, 7)), terms={"drift": (value,)})
+        first, second, _ = problem_of(Watched(-60.0), 100.0).linearized(at, [Column("drift", 0, bounded)])
+        assert second.common.any() != in_first_half
+        if not in_first_half:
+            np.testing.assert_allclose(second.common, first.common, atol=1e-9)
+    assert min(tried) == 0.035
 
 
 def test_a_run_that_jumps_to_both_sides_says_nothing_of_a_parameter() -> None:
-    here = np.array([1.0, 2.0])
-    assert smooth_slope(here, here + np.array([0.0, 0.1]), 0.5).tolist() == pytest.approx([0.0, 0.2])
-    assert smooth_slope(here, here + np.array([0.0, 5.0]), 0.5).tolist() == [0.0, 0.0]
-    assert smooth_slope(here, here * np.nan, 0.5).tolist() == [0.0, 0.0]
+    here, ahead = np.array([1.0, 2.0]), np.array([0.0, 90.0])
+    assert smooth_slope(ahead, here, here + np.array([0.0, 0.1]), 0.5, -0.5).tolist() == pytest.approx([0.0, 0.2])
+    assert smooth_slope(ahead, here, here + np.array([0.0, 5.0]), 0.5, -0.5).tolist() == [0.0, 0.0]
+    assert smooth_slope(ahead, here, here * np.nan, 0.5, -0.5).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("slope", "taken"), [(86.0, True), (85.0, False)])  # of 90: apart by less than a twentieth
+def test_a_step_that_a_precise_run_shows_as_far_as_a_jump_is_smooth_where_both_sides_agree(
+    slope: float, *, taken: bool
+) -> None:
+    here, behind = np.zeros(1), np.array([slope * 0.5])
+    assert smooth_slope(np.array([90.0]), here, behind, 0.5, -0.5).tolist() == [slope if taken else 0.0]
+
+
+def test_a_drift_is_fitted_to_runs_so_precise_that_its_smallest_step_is_many_sigmas() -> None:
+    problem = problem_of(Steps(0.0), 100.0)
+    precise = Compression(np.ones(FRAMES, dtype=np.bool_), (1e4 * np.eye(FRAMES),) * 4)
+    fit = fit_model(replace(problem, compressions=(precise,) * 3), Point(np.zeros((3, 7))), [DRIFT], {})
+    assert fit.point.terms["drift"][0] == pytest.approx(TRUTH, rel=1e-6)
 
 
 def test_starts_are_fitted_where_what_is_unknown_of_them_shows() -> None:
