@@ -198,14 +198,14 @@ def _wrong_size(calibration: Calibration) -> list[str]:
 
 def _stretched(calibration: Calibration) -> str:
     """Sentence about a gauge that is stretched one way; empty if its file agrees with the images."""
-    excess, (along, down) = calibration.excess, calibration.stated.pitch_mm
+    excess = calibration.excess
     if excess == 0.0:
         return ""
     longer, shorter = ("columns", "rows") if excess > 0 else ("rows", "columns")
     size, doubt = 100 * abs(excess), 196 * calibration.excess_sigma
     return (
         f"compared with its file, the gauge is {size:.2g} % (± {doubt:.1g} %) longer along {longer} than {shorter}: "
-        f"pitch_mm would be [{along * (1 + excess):.5g}, {down:.5g}] or [{along:.5g}, {down / (1 + excess):.5g}]; "
+        f"multiply pitch_mm by {1 + excess:.5g} along columns, or by {1 / (1 + excess):.5g} along rows; "
         f"the images do not show which, so that lengths are uncertain by {size / 2:.2g} %"
     )
 

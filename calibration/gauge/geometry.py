@@ -8,9 +8,9 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from calibration.gauge.layouts import named_layout
+from calibration.gauge.layouts import LAYOUTS, named_layout
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -48,6 +48,13 @@ class Dots(Table):
                 f"{self.columns} × {self.rows} dots are more than the {MOST_DOTS} that an image can resolve"
             )
         return self
+
+    @field_validator("layout", mode="before")
+    @classmethod
+    def _known_layout(cls, layout: object) -> object:
+        if layout not in LAYOUTS:
+            raise ValueError("should be one of " + ", ".join(f"'{name}'" for name in LAYOUTS))
+        return layout
 
     @model_validator(mode="before")
     @classmethod

@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 SQUARE = ("symmetric", "circle_grid")
+LAYOUTS = ("square", "staggered", *SQUARE, "asymmetric", "circle_hexagonal")
 
 
 def named_layout(table: dict[str, Any]) -> dict[str, Any]:
@@ -40,7 +41,7 @@ def _hexagonal(table: dict[str, Any], pitch: Any) -> dict[str, Any]:
     if isinstance(pitch, list | tuple):
         # pydantic turns a ValueError, and no TypeError, into its report
         raise ValueError(  # noqa: TRY004
-            "a circle_hexagonal array has one pitch_mm, the distance of neighbouring dots"
+            'a circle_hexagonal array has one pitch_mm, the distance of neighbouring dots; with two it is "staggered"'
         )
     columns, rows = table.get("columns"), table.get("rows")
     found: dict[str, Any] = {"layout": "staggered"}
@@ -50,7 +51,7 @@ def _hexagonal(table: dict[str, Any], pitch: Any) -> dict[str, Any]:
         # counted from the bottom, rows 1, 3, … are shifted: with an even count of rows the top one is
         found |= {
             "columns": (columns + 1) // 2,
-            "shifted_rows": "even" if rows % 2 == 0 else "odd",
+            "shifted_rows": table.get("shifted_rows", "even" if rows % 2 == 0 else "odd"),
             "shifted_rows_shorter": columns % 2 == 1,
         }
     return found

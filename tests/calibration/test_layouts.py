@@ -53,3 +53,14 @@ def test_array_shifted_the_other_way_is_said_without_mirrors_and_fiducials() -> 
 def test_hexagonal_grid_with_two_pitches_is_refused() -> None:
     with pytest.raises(ValidationError, match="one pitch_mm"):
         gauge_of(diameter_mm=0.5, layout="circle_hexagonal", columns=9, rows=7, pitch_mm=[1.0, 0.9])
+
+
+def test_shifted_rows_of_the_file_hold_for_a_named_layout() -> None:
+    named = {"diameter_mm": 0.5, "layout": "circle_hexagonal", "columns": 10, "rows": 8, "pitch_mm": 1.0}
+    assert gauge_of(**named).shifted()[0]
+    assert not gauge_of(**named, shifted_rows="odd").shifted()[0]
+
+
+def test_unknown_layout_is_answered_with_all_names() -> None:
+    with pytest.raises(ValidationError, match=r"'square', 'staggered', .*'asymmetric', 'circle_hexagonal'"):
+        gauge_of(diameter_mm=0.5, layout="hexagon", columns=9, rows=7, pitch_mm=1.0)
