@@ -8,7 +8,15 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 
 from calibration.gauge.layouts import LAYOUTS, named_layout
 
@@ -48,6 +56,14 @@ class Dots(Table):
                 f"{self.columns} × {self.rows} dots are more than the {MOST_DOTS} that an image can resolve"
             )
         return self
+
+    @field_validator("pitch_mm", mode="wrap")
+    @classmethod
+    def _one_or_two_lengths(cls, pitch: object, validate: ValidatorFunctionWrapHandler) -> object:
+        try:
+            return validate(pitch)
+        except ValidationError:  # it has a fault for each kind of value, none of which is the whole answer
+            raise ValueError("should be a length above 0, or two in a list: along columns, along rows") from None
 
     @field_validator("layout", mode="before")
     @classmethod

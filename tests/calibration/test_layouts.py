@@ -64,3 +64,10 @@ def test_shifted_rows_of_the_file_hold_for_a_named_layout() -> None:
 def test_unknown_layout_is_answered_with_all_names() -> None:
     with pytest.raises(ValidationError, match=r"'square', 'staggered', .*'asymmetric', 'circle_hexagonal'"):
         gauge_of(diameter_mm=0.5, layout="hexagon", columns=9, rows=7, pitch_mm=1.0)
+
+
+@pytest.mark.parametrize("pitch", [-1.0, [1.0, 0.0], [1.0], "2 mm"])
+def test_pitch_that_is_no_length_has_one_fault(pitch: object) -> None:
+    with pytest.raises(ValidationError, match="a length above 0, or two") as raised:
+        gauge_of(diameter_mm=0.5, columns=9, rows=7, pitch_mm=pitch)
+    assert raised.value.error_count() == 1
