@@ -156,7 +156,7 @@ def _plan_text(plan: Plan) -> str:
 
     head = ["run", "left rpm", "right rpm", "start x, mm", "y, mm", "heading, deg", "drive, s"]
     rows = [
-        [f"r{number:02d}", f"{run.left_rpm:g}", f"{run.right_rpm:g}", f"{run.x_mm:.1f}", f"{run.y_mm:.1f}",
+        [f"r{number:02d}", f"{run.left_rpm:g}", f"{run.right_rpm:g}", f"{run.x_mm:z.1f}", f"{run.y_mm:z.1f}",
          f"{run.heading_deg:g}", f"{run.duration_s:g}"]
         for number, run in enumerate(plan.runs, 1)
     ]  # fmt: skip

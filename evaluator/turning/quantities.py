@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.turning.motion.fit import TurnFit
 from evaluator.turning.phases import local_rates
+from evaluator.turning.status import straightness
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -79,7 +80,7 @@ def body_quantities(
     """
     twist = fit.body_twist(np.zeros(2)) * rate.value
     rotation = np.array([-twist[1], twist[0]]) / twist[2] if twist[2] else np.full(2, NAN)
-    turning = not fit.curvature().straight
+    turning = not straightness(fit)  # as the radius: without one, these are huge and arbitrary
     result: dict[str, Any] = {}
     if turning:
         result |= {"rotation_x_mm": float(rotation[0]), "rotation_y_mm": float(rotation[1])}

@@ -30,6 +30,14 @@ def test_radii_of_points_follow_from_the_centre_of_rotation() -> None:
     assert turning.wall_to_wall_radius_mm == pytest.approx(np.hypot(2.5, 9.5), rel=1e-4)
 
 
+def test_run_without_a_radius_has_no_radius_of_any_point() -> None:
+    turning = measured(arc_poses(6875.0, 0.5, 600, slip_rad=0.0), 1e-4)
+    assert turning.curvature_low_per_mm > 0
+    assert turning.radius_status.startswith("straight")
+    radii = turning.radius_mm, turning.green_radius_mm, turning.rotation_y_mm, turning.wall_to_wall_radius_mm
+    assert np.isnan(radii).all()
+
+
 def test_wheel_slips_follow_from_the_motion_and_the_commanded_rotation() -> None:
     rolling_rpm = 60 / (2 * np.pi * 0.5)  # 1 mm/s at the rim
     left, right = 3.0 * YAW_RATE * rolling_rpm, 2 * 7.0 * YAW_RATE * rolling_rpm
