@@ -14,6 +14,7 @@ import argparse
 import ast
 import gc
 import importlib
+import inspect
 import math
 import os
 import random
@@ -21,6 +22,7 @@ import resource
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -28,7 +30,7 @@ from types import ModuleType
 import pytest
 
 from tests.benchmarks.mutation.mutants import ROOT, Mutant, mutants
-from tests.benchmarks.mutation.reach import OURS, Reach, tests_of, units
+from tests.benchmarks.mutation.reach import OURS, Place, Reach, Unit, tests_of, units
 from tests.benchmarks.mutation.runs import imported
 
 
@@ -64,7 +66,7 @@ class Trial:
             _imported(Path(str(other.__file__)))
         gc.freeze()
         called = self.reach.called
-        reached = [tests_of(mutant.path, mutant.line, code, called, in_process=True) for mutant in self.chosen]
+        reached = [_reached(mutant, code, called) for mutant in self.chosen]
         for number, (mutant, ids) in enumerate(zip(self.chosen, reached, strict=True), 1):
             tests = sorted((item for item in session.items if item.nodeid in ids), key=self._cost)
             outcome = self._outcome(mutant, tests)
@@ -123,6 +125,15 @@ class Trial:
         return sum(self.reach.time_s[item.nodeid] for item in tests)
 
 
+def _reached(mutant: Mutant, code: list[Unit], called: dict[str, set[Place]]) -> frozenset[str]:
+    """Tests that reach a mutant: those of what is declared for another module to gather reach it by that module."""
+    found = tests_of(mutant.path, mutant.line, code, called, in_process=True)
+    here = [unit for unit in code if unit.path == str(mutant.path) and unit.first <= mutant.line <= unit.last]
+    gathers = "" if any(unit.function for unit in here) else str(GATHERED.get(mutant.path.parent.as_posix()))
+    wait = [unit for unit in code if unit.path == gathers and "BUILT_IN" in unit.gives]
+    return found.union(*(tests_of(Path(gathers), unit.first, code, called, in_process=True) for unit in wait))
+
+
 def in_fork(run: Callable[[], None], limit_s: float) -> int:
     """Exit status of a fork that runs a function without a word, in a limited processor time; 0 if it returns."""
     child = os.fork()
@@ -146,10 +157,34 @@ def unchanged(path: Path) -> str:
 
 
 def change(path: Path, text: str) -> None:
-    """Execute another text of a module in its namespace, and hand what it defines to our modules that hold it."""
-    module = importlib.import_module(".".join(path.with_suffix("").parts).removesuffix(".__init__"))
+    """Execute another text of a module in its namespace, and hand what it defines to our modules that hold it.
+
+    The modules of a room whose parts are gathered are executed again where they import from the changed one, as what
+    they declare is made of it, and last the one that gathers.
+    """
+    _execute(path, text)
+    gathered_in = GATHERED.get(path.parent.as_posix())
+    if gathered_in is None or path == gathered_in:
+        return
+    changed = {_name_of(path)}
+    room = {file.relative_to(ROOT) for file in (ROOT / path.parent).glob("*.py")} - {path, gathered_in}
+    while after := [it for it in room if {name.rpartition(".")[0] for name in _imported(ROOT / it)} & changed]:
+        for other in sorted(after):
+            _execute(other, unchanged(other))
+        room.difference_update(after)
+        changed = {_name_of(it) for it in after}
+    _execute(gathered_in, unchanged(gathered_in))
+
+
+def _execute(path: Path, text: str) -> None:
+    module = importlib.import_module(_name_of(path))
     before = dict(vars(module))
     exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
+    for name, new in vars(module).items():
+        if inspect.isclass(new) and new.__module__ == module.__name__ and inspect.isclass(old := before.get(name)):
+            for part in [part for part in vars(new) if not part.startswith("__")]:
+                with suppress(AttributeError, TypeError):  # of an enumeration, or one with slots
+                    setattr(old, part, vars(new)[part])  # so that what the old one made acts as the new one says
     for other in _ours():
         for name in _imported(Path(str(other.__file__))):
             owner, _, what = name.rpartition(".")
@@ -157,11 +192,17 @@ def change(path: Path, text: str) -> None:
                 setattr(other, what, vars(module)[what])
 
 
+def _name_of(path: Path) -> str:
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
 def _ours() -> list[ModuleType]:
     """Our modules that are loaded."""
     return [module for module in sys.modules.values() if str(getattr(module, "__file__", "")).startswith(_OURS)]
 
 
+# Rooms whose modules are found, not imported by name, and the module that gathers what they declare.
+GATHERED = {"simulator/effects": Path("simulator/effects/catalogue.py")}
 _imported = cache(imported)
 _OURS = tuple(f"{ROOT / name}{os.sep}" for name in OURS)  # an environment within the project's folder is not ours
 
@@ -177,8 +218,11 @@ def main() -> int:
     parser.add_argument(
         "--longest-s", type=float, default=10, help="leave out tests of more processor time (default 10)"
     )
+    parser.add_argument("--no-jit", action="store_true", help="without numba's compiler, whose code no change reaches")
     parser.add_argument("--wanted", type=float, default=0.9, help="share to be noticed (default 0.9)")
     said = parser.parse_args()
+    if said.no_jit:
+        os.environ["NUMBA_DISABLE_JIT"] = "1"
     files = [file for path in said.paths for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
     everything = [mutant for file in files for mutant in mutants(file)]
     chosen = [mutant for mutant in everything if mutant.is_constant_of_module]
