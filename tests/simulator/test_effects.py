@@ -271,13 +271,13 @@ def test_errors_of_the_camera_leave_the_robot_alone_and_move_its_marks(barrel: R
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ('id = "plate-tlit"\nangle_deg = 1.0', "did you mean plate-tilt?"),
-        ('id = "plate-tilt"\nangel_deg = 1.0', "did you mean angle_deg?"),
+        ('id = "tilt"\nangle_deg = 1.0', "did you mean plate-tilt?"),
+        ('id = "plate-tilt"\nangle = 1.0', "did you mean angle_deg?"),
         ('id = "plate-tilt"\nangle_deg = "steep"', "not a finite number"),
         ('id = "friction-level"\nfactor = -1.0', "at least"),
         ('id = "friction-level"', "it takes factor"),
         (
-            'id = "free-form"\nchannel = "force_forwards"\nbasis = "one"\ncoefficient = 1.0',
+            'id = "free-form"\nchannel = "forward"\nbasis = "one"\ncoefficient = 1.0',
             "did you mean force_forward?",
         ),
         ('id = "free-form"\nchannel = "moment"\nbasis = "heading"\ncoefficient = 1.0', "did you mean sin_heading?"),
