@@ -27,6 +27,26 @@ def test_a_disc_is_fitted_in_a_patch_at_its_place_in_the_frame_and_its_column_in
     assert fitted[[kernels.X, kernels.Y]] == pytest.approx([STATE[0], 50.0 + STATE[1]], abs=0.01)
 
 
+@pytest.mark.parametrize("step", [1, 2])
+@pytest.mark.parametrize("wire", [False, True])
+def test_samples_under_a_wire_are_left_out_of_a_patch_that_is_else_whole(step: int, *, wire: bool) -> None:
+    """A wire of 2 px as dark as the plate, down across the mark, a third of its radius to the right of its centre."""
+    luma = drawn(np.array([*STATE[:4], 0.0, 0.0]), 0.0, float(step), (41 // step, 40))
+    hidden = slice(column := round(STATE[0] + DISC.radius_px / 3), column + 2)
+    luma[:, hidden] = DISC.base if wire else luma[:, hidden]
+    rows, columns = np.indices(luma.shape)
+    place = 100.0 + columns.ravel(), 50.0 + step * rows.ravel()
+    patch = Patch(*place, np.rint(luma).ravel(), (100.0 + STATE[0], 50.0 + STATE[1]))
+    shown, share = appearance._uncovered(patch, DISC)
+    inside = np.hypot(columns - STATE[0], step * rows - STATE[1]) < DISC.radius_px - 2
+    across = np.zeros(luma.shape, bool)
+    across[:, hidden] = wire
+    assert not shown.reshape(luma.shape)[inside & across].any()
+    far = np.abs(columns - column) > 6 * wire  # but for what the blur mixes with the wire
+    assert shown.reshape(luma.shape)[far].all()
+    assert (0.1 < share < 0.5) if wire else share == 0.0
+
+
 @pytest.mark.parametrize(
     ("patches", "edges", "learnt"),
     [(6, 3, True), (7, 3, False), (7, 4, True), (3, 2, False), (3, 3, True)],

@@ -13,7 +13,7 @@ import pytest
 from evaluator.tracking.detection import search as search_module
 from evaluator.tracking.detection.lookalikes import Rivals, mover
 from evaluator.tracking.detection.search import Search
-from evaluator.tracking.detection.selection import Candidate
+from evaluator.tracking.detection.selection import Candidate, shortlist
 from evaluator.tracking.settings import TrackingSettings
 
 SETTINGS = TrackingSettings(distance_diameters=3.0)
@@ -123,6 +123,30 @@ def test_two_things_that_move_apart_from_each_other_are_no_robot() -> None:
     other = replace(GREEN, center_px=(150.0, 40.0))
     after = [replace(one, center_px=(one.center_px[0], 90.0)) for one in (GREEN, other)]
     assert mover([GREEN, other], after)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("radius", "chroma", "first"),
+    [(5.0, 81.0, True), (5.0, 79.0, False), (2.9, 83.0, True), (2.9, 82.0, False), (1.5, 161.0, True)],
+)
+def test_blobs_are_examined_by_their_colour_and_below_three_pixels_by_their_size(
+    radius: float, chroma: float, *, first: bool
+) -> None:
+    """Beside one of 80 levels and a radius of 5; of a mark alone there is no pair to tell more."""
+    other = replace(GREEN, center_px=(150.0, 40.0), radius_px=radius, chroma=chroma)
+    assert shortlist([GREEN, other], SETTINGS, 2) == ([other, GREEN] if first else [GREEN, other])
+    assert shortlist([GREEN, other], SETTINGS, 1) == [other if first else GREEN]
+
+
+def test_blobs_of_the_likeliest_pairs_are_examined_beside_more_colourful_ones() -> None:
+    """A bright blob of each colour far from all others, a pair, and two of which neither is true."""
+    green, yellow = pair().values()
+    bright = [replace(one, center_px=(place, 400.0), chroma=120.0) for one, place in ((green, 0.0), (yellow, 900.0))]
+    faint = [replace(one, center_px=(place, 900.0), chroma=70.0) for one, place in ((green, 0.0), (yellow, 900.0))]
+    found = [faint[0], green, bright[0], faint[1], yellow, bright[1]]
+    assert shortlist(found, SETTINGS, 1) == [bright[0], green, bright[1], yellow]
+    assert shortlist(found[:5], SETTINGS, 1) == [bright[0], green, yellow]
+    assert shortlist(found, SETTINGS, 3) == [bright[0], green, faint[0], bright[1], yellow, faint[1]]
 
 
 def places(drawn: list[tuple[int, int, int, int]], area_px2: float, monkeypatch: pytest.MonkeyPatch) -> list[object]:
