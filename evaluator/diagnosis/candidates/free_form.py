@@ -47,14 +47,14 @@ CHANNEL_STEP = {
 # Bounds of relative changes: the sign is preserved, and values are plausible for a wheel. A slip law of another shape
 # may have several times the initial stiffness.
 RELATIVE = {
-    "speed": (-0.6, 0.6),
     "load": (-0.9, 2.0),
     "stiffness": (-0.9, 6.0),
     "friction": (-0.9, 2.0),
     "friction_across": (-0.9, 2.0),
-    "left_drive": (-1.5, 1.5),
-    "right_drive": (-1.5, 1.5),
 }
+# Bounds of changes that are as likely in either direction. A side may turn by the command of the other one alone.
+EITHER_WAY = {"speed": 0.6, "left_drive": 1.5, "right_drive": 1.5}
+MOST_STEPS = 200  # bound of forces, moments, angles and lengths: one step is just visible, so that no fit is near it
 OWN_COMMAND = ("left_drive", "left_command"), ("right_drive", "right_command")
 OTHER_COMMAND = ("left_drive", "right_command"), ("right_drive", "left_command")
 # Sizes of the bases on a plate for the paper's robot and at its speeds, by which steps are divided.
@@ -170,7 +170,8 @@ def coefficient(name: str, item: Item, size: Size = PAPER_SIZE) -> Coordinate:
     """A coefficient with its visible step, bounded so that friction, load and speed keep their sign."""
     basis = BASIS_SIZE.get(item.basis, 1.0) * size.length ** _length_power(item.basis)
     step = CHANNEL_STEP[item.channel] * _times_as_large(item.channel, size)
-    low, high = RELATIVE.get(item.channel, (-200 * step, 200 * step))
+    most = EITHER_WAY.get(item.channel, MOST_STEPS * step)
+    low, high = RELATIVE.get(item.channel, (-most, most))
     if item.basis != "one":  # may have either sign
         low, high = max(low, -high), min(high, -low)
     return Coordinate(name, 0.0, step / basis, low / basis, high / basis)
@@ -178,7 +179,9 @@ def coefficient(name: str, item: Item, size: Size = PAPER_SIZE) -> Coordinate:
 
 def _length_power(basis: str) -> int:
     number = BASES[basis]
-    return 3 if number in (X_CUBED, Y_CUBED) else DIMENSIONS.get(number, (0, 0))[0]
+    if number in (X_CUBED, Y_CUBED):
+        return 3
+    return DIMENSIONS[number][0] if number in DIMENSIONS else 0
 
 
 def _times_as_large(channel: str, size: Size) -> float:

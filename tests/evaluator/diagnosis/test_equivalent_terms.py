@@ -38,6 +38,12 @@ def test_families_that_an_own_effect_spans_are_said_by_it() -> None:
     assert is_included_in(families[TWINS], alike)
 
 
+def test_an_effect_of_one_number_spans_its_own_terms_alone() -> None:
+    row = {"channel": "load", "depends_on": "abs_u", "pattern": "driving", "coefficient": "size", "step": 0.01}
+    one = effect_of({"format": 1, "id": "one", "name": "one", "term": [row]})
+    assert {form for form, term in free_terms().items() if is_included_in(term, one)} == {LOAD}
+
+
 def test_the_speed_of_both_sides_is_said_by_an_effect_of_the_own_command() -> None:
     four = mixing({(a, b): f"{a}_{b}" for a in DRIVES for b in DRIVES})
     alike = mixing({(a, b): "own" if a == b else "other" for a in DRIVES for b in DRIVES})

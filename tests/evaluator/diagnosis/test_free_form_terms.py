@@ -5,9 +5,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+import numpy as np
 import pytest
 
-from evaluator.diagnosis.candidates.free_form import BASIS_SIZE, CHANNEL_STEP, RELATIVE, FreeTerm, free_terms
+from evaluator.diagnosis.candidates.free_form import (
+    BASIS_SIZE,
+    CHANNEL_STEP,
+    RELATIVE,
+    FreeTerm,
+    Item,
+    coefficient,
+    free_terms,
+    wheel_friction,
+)
 from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, unit_of_coefficient
 from simulator.dynamics.terms import BASES, CHANNELS
 from simulator.effects.parameter import Size
@@ -64,6 +74,11 @@ def test_steps_of_one_unit_are_alike_and_bases_have_the_size_of_what_they_are_po
         == pytest.approx(math.radians(CHANNEL_STEP["steer"]), rel=0.2)
     )
     assert {CHANNEL_STEP[name] for name in ("load", "stiffness", "friction", "friction_across")} == {0.01}
+    sizes = {"u": 3.0, "v": 0.5, "yaw_rate": 0.3, "x": 10.0, "time": 5.0}  # of turns at a few mm/s, on a few cm
+    assert {name: BASIS_SIZE[name] for name in sizes} == sizes
+    for channel, basis in (("force_left", "v"), ("steer", "one"), ("friction", "time"), ("left_drive", "sign_u")):
+        step = coefficient("some", Item(channel, basis)).step
+        assert step == pytest.approx(CHANNEL_STEP[channel] / BASIS_SIZE.get(basis, 1.0))
     powers = {"abs_u": ("u", 1), "u_abs_u": ("u", 2), "v_abs_v": ("v", 2), "y": ("x", 1), "x_r_squared": ("x", 3)}
     powers |= {"y_r_squared": ("y", 3), "abs_yaw_rate": ("yaw_rate", 1), "yaw_rate_abs": ("yaw_rate", 2)}
     for basis, (base, power) in powers.items():
@@ -114,7 +129,15 @@ def test_steps_and_bounds_are_as_many_times_as_large_as_what_they_measure(term: 
 
 
 def test_a_relative_change_keeps_friction_load_and_speed_above_nought() -> None:
-    assert all(low > -1 for name, (low, _) in RELATIVE.items() if not name.endswith("drive"))
+    assert all(low > -1 for low, _ in RELATIVE.values())
+    alone = {name: (found.low, found.high) for name in CHANNELS if (found := coefficient("any", Item(name, "one")))}
+    grips = {"load": 2.0, "stiffness": 6.0, "friction": 2.0, "friction_across": 2.0}
+    sides = {name: 200 * CHANNEL_STEP[name] for name in CHANNELS} | {
+        "speed": 0.6,
+        "left_drive": 1.5,
+        "right_drive": 1.5,
+    }
+    assert alone == {name: (-0.9, grips[name]) if name in grips else (-sides[name], sides[name]) for name in CHANNELS}
     bounds = {
         "friction.one.driving": (-0.9, 2.0),  # at least a tenth, three times at most
         "load.one.front-rear": (-0.9, 2.0),
@@ -155,6 +178,7 @@ def test_terms_are_said_in_words_with_their_units() -> None:
         ("friction", "one"): "",
         ("friction", "x"): "1/mm",
         ("left_drive", "right_command"): "",
+        ("left_drive", "time"): "rpm/s",
         ("moment", "one"): "µN·mm",
     }
     assert {key: unit_of_coefficient(*key) for key in units} == units
@@ -163,3 +187,13 @@ def test_terms_are_said_in_words_with_their_units() -> None:
     assert {item.basis for item in items} <= set(BASIS_WORDS)
     for key, term in free_terms().items():
         assert key == "free:" + "+".join(item.name for item in term.items)
+
+
+def test_the_friction_under_each_wheel_is_a_change_of_its_own() -> None:
+    third = wheel_friction(4)[2]
+    (found,) = third.kernel_terms((0.3,))
+    assert (found.channel, found.basis, found.coefficient) == (CHANNELS["friction"], BASES["one"], 0.3)
+    assert [term.weights for term in wheel_friction(4)] == [tuple(map(float, row)) for row in np.eye(4)]
+    assert found.pattern == (0.0, 0.0, 1.0, 0.0)
+    assert third.physical((0.3,)) == {"change": 0.3}
+    assert (third.id, len({term.id for term in wheel_friction(6)})) == ("friction-under-wheel-3-of-4", 6)

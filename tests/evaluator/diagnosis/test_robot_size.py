@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.verdict import material_gain
-from evaluator.diagnosis.candidates.coordinates import is_full_size, named_terms, size_of
+from evaluator.diagnosis.candidates.coordinates import USUAL_LOAD_MN, is_full_size, named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
@@ -27,6 +28,7 @@ from evaluator.report.diagnosis.values import parameter
 from evaluator.report.diagnosis.words import in_words
 from evaluator.robot_geometry import reference_places
 from evaluator.settings import KnownTo
+from simulator.dynamics.scale import USUAL_DISTANCE_MM
 from simulator.effects.parameter import PAPER_SIZE, UNITS, Size
 from simulator.robot import Robot, load_robot, shipped_robots
 
@@ -81,6 +83,12 @@ def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_a
     moved = load_robot(LARGE)
     wheels = tuple(wheel.model_copy(update={"x_mm": wheel.x_mm + 900.0}) for wheel in moved.wheel)
     assert size_of(moved.model_copy(update={"wheel": wheels})).length == pytest.approx(size.length)
+    corners = 1000.0 * np.array([[3.0, 4.0], [3.0, -4.0], [-3.0, 4.0], [-3.0, -4.0]])
+    pulled = SimpleNamespace(
+        wheel_positions_mm=lambda: corners, weight_uN=5e6, all_wheels=[SimpleNamespace(attraction_mN=2e3)] * 3
+    )  # fmt: skip
+    assert size_of(cast("Robot", pulled)).length == pytest.approx(5000.0 / USUAL_DISTANCE_MM)
+    assert size_of(cast("Robot", pulled)).force == pytest.approx((5e3 + 6e3) / USUAL_LOAD_MN)
 
 
 def powers(unit: str) -> tuple[int, int]:
