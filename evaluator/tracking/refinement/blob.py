@@ -125,13 +125,13 @@ def extends_beyond(
     rows, columns = frame.u.shape
     left, right = _span(place[0], half_px, cell[2], cell[0], columns)
     top, bottom = _span(place[1], half_px, cell[3], cell[1], rows)
+    row, column = round((place[1] - cell[3]) / cell[1]) - top, round((place[0] - cell[2]) / cell[0]) - left
+    if not (0 <= row < bottom - top and 0 <= column < right - left):
+        return True
     u, v = (plane[top:bottom, left:right].astype(np.float32) for plane in (frame.u, frame.v))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(_members(u, v, color)[1], connectivity=8)
-    row, column = round((place[1] - cell[3]) / cell[1]) - top, round((place[0] - cell[2]) / cell[0]) - left
-    if not (0 <= row < bottom - top and 0 <= column < right - left and labels[row, column]):
-        return True
     x, y, wide, high, area = stats[labels[row, column]].tolist()
-    whole = x > 0 and y > 0 and x + wide < right - left and y + high < bottom - top
+    whole = labels[row, column] > 0 and x > 0 and y > 0 and x + wide < right - left and y + high < bottom - top
     return not whole or area * cell[0] * cell[1] > most_px2
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from evaluator.tracking.detection import appearance
 from evaluator.tracking.refinement import kernels
-from evaluator.tracking.refinement.learn_shape import Patch, finished
+from evaluator.tracking.refinement.learn_shape import Patch, _levels, finished
 from tests.evaluator.tracking.test_fit_kernels import DISC, STATE, drawn
 
 
@@ -25,6 +25,17 @@ def test_a_disc_is_fitted_in_a_patch_at_its_place_in_the_frame_and_its_column_in
     assert (where, seen.dtype) == ((50, step), np.uint8)
     np.testing.assert_array_equal(seen, luma)
     assert fitted[[kernels.X, kernels.Y]] == pytest.approx([STATE[0], 50.0 + STATE[1]], abs=0.01)
+
+
+def test_a_lesson_begins_with_the_luma_within_the_mark_and_around_it() -> None:
+    """Within six tenths of the radius and beyond twelve; what lies between is left out, though it is most."""
+    y, x = np.mgrid[:41, :41].astype(float)
+    away = np.hypot(x - 20.5, y - 18.5)
+    luma = np.where(away < 0.6 * 8, 90.0, np.where(away > 1.2 * 8, 30.0, 200.0))
+    seen = Patch(x.ravel(), y.ravel(), luma.ravel(), (20.5, 18.5))
+    assert _levels(seen, 8.0) == (60.0, 30.0)
+    assert _levels(seen, 1.0) == (200.0 - 30.0, 30.0)  # no sample is within: the lightest of all
+    assert _levels(seen, 40.0) == (30.0 - 30.0, 30.0)  # none is around
 
 
 @pytest.mark.parametrize("step", [1, 2])
@@ -60,6 +71,7 @@ def test_an_edge_is_believed_that_half_of_the_patches_show_and_three_at_least(
 
     def find_edge(view: Any, plain: np.ndarray, sloped: np.ndarray, _last: Any) -> Any:
         assert (plain[kernels.X], sloped[kernels.X]) == (25.0, 25.0)  # in the frame
+        assert view.path_px == (0.0, 0.0)
         assert view.noise == (100.0, 5.0)  # a tenth of the amplitude, squared
         if view.patch.value[0] == 0:
             fitted[kernels.RESIDUAL] = next(residuals)

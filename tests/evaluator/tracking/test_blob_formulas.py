@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from evaluator.tracking.following.follow_blob import EXTENT, BlobFollower
 from evaluator.tracking.refinement.blob import (
     SHORTEST,
+    Blob,
     _between,
     _in_light,
     _light,
@@ -21,6 +24,8 @@ from evaluator.tracking.refinement.blob import (
     _span,
     blobs_around,
     elongation,
+    extends_beyond,
+    has_another_hue,
 )
 from tests.evaluator.tracking.synthetic import coverage, frames_in_memory
 from tests.evaluator.tracking.test_detection_colors import stored
@@ -199,6 +204,51 @@ def test_sticker_that_overhangs_a_dark_body_on_white_paper_is_where_it_is_within
     assert abs(plain.center_px[0]) > 0.3
     assert abs(found.center_px[0]) < 0.5 * abs(plain.center_px[0])
     assert abs(found.center_px[0]) < 2.0 * np.sqrt(found.covariance_px2[0, 0])
+
+
+def test_a_centre_lies_midway_between_two_tone_curves_and_anywhere_between_them() -> None:
+    """4 by 2 px apart: a twelfth of that, squared, is the variance of an even distribution."""
+    one = Blob((10.0, 20.0), np.diag([1.0, 3.0]), 50.0, np.eye(2), 30.0, whole=True)
+    found = _between(one, replace(one, center_px=(14.0, 18.0), covariance_px2=np.diag([3.0, 1.0]), area_px2=90.0))
+    assert (found.center_px, found.area_px2) == ((12.0, 19.0), 50.0)
+    assert found.covariance_px2 == pytest.approx(np.array([[2 + 16 / 12, -8 / 12], [-8 / 12, 2 + 4 / 12]]))
+
+
+@pytest.mark.parametrize(
+    ("place", "half", "most", "beyond"),
+    [
+        ((25.0, 21.0), 20.0, 97.0, False),  # 12 by 8 px, whole within the window
+        ((25.0, 21.0), 20.0, 95.0, True),
+        ((19.6, 17.6), 20.0, 97.0, False),  # its corner is a part of it
+        ((18.4, 21.0), 20.0, 97.0, True),  # beside it there is nothing
+        ((25.0, 16.4), 20.0, 97.0, True),
+        *(((x, y), 9.0, 97.0, True) for x, y in ((21.0, 21.0), (29.0, 21.0))),  # cut by the window on either side
+        *(((x, y), 6.0, 97.0, True) for x, y in ((25.0, 19.0), (25.0, 23.0))),
+        ((90.0, 21.0), 20.0, 97.0, True),  # outside the image
+        ((25.0, -9.0), 20.0, 97.0, True),
+    ],
+)
+def test_a_region_extends_beyond_an_area_or_a_window_or_is_not_there(
+    place: tuple[float, float], half: float, most: float, *, beyond: bool
+) -> None:
+    frame: Any = SimpleNamespace(u=np.full((40, 60), 128, np.uint8), v=np.full((40, 60), 128, np.uint8))
+    frame.u[17:25, 19:31] = 188
+    color, cell = np.array([128.0, 128.0, 1.0, 0.0, 20.0, 0.5]), np.array([1.0, 1.0, 0.0, 0.0])
+    assert extends_beyond(frame, cell, color, place, half, most) == beyond
+
+
+@pytest.mark.parametrize(
+    ("degrees", "other"), [(0.0, False), (19.0, False), (-19.0, False), (21.0, True), (-21.0, True)]
+)
+def test_a_hue_is_another_one_beyond_a_third_of_a_radian(degrees: float, *, other: bool) -> None:
+    """0.35 rad are 20 degrees; where nothing has the colour there is no other hue."""
+    turned = np.radians(degrees)
+    u, v = np.full((40, 60), 1000, np.uint16), np.full((40, 60), 1000, np.uint16)
+    u[15:25, 20:30], v[15:25, 20:30] = 1000 + 600 * np.cos(turned), 1000 + 600 * np.sin(turned)
+    frame: Any = SimpleNamespace(u=u, v=v)
+    color, cell = np.array([1000.0, 1000.0, 1.0, 0.0, 100.0, 0.8]), np.array([1.0, 1.0, 0.0, 0.0])
+    assert has_another_hue(frame, cell, color, (24.5, 19.5), 8.0) == other
+    assert not has_another_hue(frame, cell, color, (50.0, 35.0), 4.0)
 
 
 def test_chroma_from_which_a_pixel_is_the_marks_lies_above_that_of_the_floor() -> None:

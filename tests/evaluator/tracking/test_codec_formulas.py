@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.uncertainty.codec import _moving, _non_negative, _tail, codec_variance, hidden_variance
+from evaluator.tracking.uncertainty.codec import (
+    _moving,
+    _non_negative,
+    _shared_out,
+    _tail,
+    codec_variance,
+    hidden_variance,
+)
 from evaluator.tracking.uncertainty.course import Course, robust_square, steady_times
 from evaluator.tracking.uncertainty.motion_changes import changes_of_motion
 
@@ -209,3 +216,21 @@ def test_least_squares_above_zero_leaves_out_what_would_be_negative() -> None:
     assert _non_negative(matrix, matrix @ [2.0, 3.0]) == pytest.approx([2.0, 3.0])
     free = _non_negative(matrix, matrix @ [2.0, -1.0])
     assert free == pytest.approx([(matrix[:, 0] @ matrix @ [2.0, -1.0]) / 1.25, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("excess", "solution"),
+    [
+        ((0.9, 0.5), (0.9, 0.5)),
+        ((0.9, -0.1), (0.9, 0.2167)),  # a third of (3 · 0.9 - 0.1) / 4
+        ((0.1, -0.9), (0.1, 0.0)),  # they have nothing in common
+    ],
+)
+def test_a_kind_of_frames_has_at_least_a_third_of_what_all_have_in_common(
+    excess: tuple[float, float], solution: tuple[float, float]
+) -> None:
+    """Of thirty frames of one kind and ten of another, each with its own error only; weights of any size."""
+    mine = np.arange(40) >= np.array([[0], [30]])
+    mine[0] &= ~mine[1]
+    found = _shared_out(7.0 * mine, mine.astype(float), np.where(mine[1], excess[1], excess[0]))
+    assert found == pytest.approx(solution, abs=1e-4)

@@ -13,7 +13,7 @@ from evaluator.tracking.uncertainty.exposure import exposed
 from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 from evaluator.tracking.uncertainty.rim import Rim
-from evaluator.tracking.uncertainty.tag_shape import widen_by_shape
+from evaluator.tracking.uncertainty.tag_shape import _mean_square, _smooth, widen_by_shape
 
 FRAME_S = 1 / 60
 
@@ -197,6 +197,19 @@ def test_forty_frames_tell_the_scatter_of_a_shape_and_a_smaller_one_narrows_noth
     calm = tag(200, 0.01, 0.02)
     widen_by_shape(calm, ["a", "b", "c", "d"], "center")
     assert calm["a"][0, 2] == 4e-4
+
+
+def test_slant_perspective_and_lens_change_a_shape_without_scatter() -> None:
+    """They follow the position, and four harmonics of the heading; a fifth one is scatter."""
+    rng = np.random.default_rng(5)
+    heading, place = np.linspace(0.0, 8.0, 60), 50.0 * (rng.normal(size=60) + 1j * rng.normal(size=60))
+    waves = [np.exp(1j * order * heading) for order in (1, 2, 3, 4)]
+    terms = np.stack([np.ones(60), place.real, place.imag, *(part for one in waves for part in (one.real, one.imag))])
+    shape, usual = (rng.normal(size=(4, 11)) @ terms).T, _smooth(place, heading)
+    assert _mean_square(shape, usual) < 1e-18
+    assert _mean_square(shape + np.cos(5 * heading)[:, None], usual) > 1.0
+    scatter = [_mean_square(shape + 0.1 * rng.normal(size=(60, 4)), usual) for _ in range(20)]
+    assert np.mean(scatter) == pytest.approx(4 * 0.1**2, rel=0.05)
 
 
 def test_shapes_that_a_wire_bends_tell_nothing_of_the_usual_scatter() -> None:
