@@ -220,6 +220,25 @@ def test_a_search_tells_of_each_blob_its_hue_and_whether_it_was_sought_there(
     assert (chosen.blobs[0].verdict, chosen.blobs[0].chosen) == ("chosen", True)
 
 
+def test_of_a_marks_own_hue_the_four_largest_that_are_no_blob_by_themselves_are_told_first() -> None:
+    """And eight blobs in all. A mark that touches something of another hue is a part of one blob with that."""
+
+    def blob(place: float, radius: float) -> Any:
+        return SimpleNamespace(center_px=(place, 0.0), radius_px=radius)
+
+    own = [blob(1000.0 + 50.0 * k, radius) for k, radius in enumerate((3.0, 5.0, 4.0, 9.0, 6.0))]
+    others = [blob(50.0 * k, 5.0) for k in range(7)]
+    assert explain._with_own(others, own) == [own[k] for k in (3, 4, 1, 2)] + others[:4]
+    assert explain._with_own([own[3], *others], own) == [own[k] for k in (4, 1, 2)] + [own[3], *others[:4]]
+    assert explain._with_own(others, []) == others
+
+
+def test_a_search_for_colours_tells_nothing_of_tags_and_of_a_frame_without_any() -> None:
+    tag = TrackingSettings.model_validate({"mark": {"roof": {"kind": "aruco", "id": 3}}})
+    assert explain.explain(SimpleNamespace(u=1), tag) == []  # type: ignore[arg-type]
+    assert explain.explain(SimpleNamespace(u=None), TrackingSettings()) == []  # type: ignore[arg-type]
+
+
 def colored(blobs: list[tuple[int, int, int, float, float]], rows: int = 40, columns: int = 60) -> Any:
     """Colours of a frame that is grey but for squares: row, column, side, hue and chroma."""
     chroma, hue = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32)

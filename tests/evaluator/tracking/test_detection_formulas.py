@@ -54,6 +54,7 @@ def test_a_blob_loses_by_size_colour_shape_and_the_border_what_its_spreads_say()
     assert of_own(whole=False) == pytest.approx(-4.0)
     round_one = log(1 + exp(-2.0))  # a disc, or a sticker of any shape
     assert of_own(elongation=exp(0.3)) == pytest.approx(log(exp(-0.5) + exp(-2.0)) - round_one)
+    assert of_own(elongation=exp(0.45)) == pytest.approx(log(exp(-1.125) + exp(-2.0)) - round_one)
     assert of_own(elongation=exp(3.0)) == pytest.approx(-2.0 - round_one)
 
 

@@ -13,7 +13,7 @@ import pytest
 from evaluator.tracking.detection import search as search_module
 from evaluator.tracking.detection.lookalikes import Rivals, mover
 from evaluator.tracking.detection.search import Search
-from evaluator.tracking.detection.selection import Candidate, shortlist
+from evaluator.tracking.detection.selection import Candidate, choose, shortlist
 from evaluator.tracking.settings import TrackingSettings
 
 SETTINGS = TrackingSettings(distance_diameters=3.0)
@@ -147,6 +147,17 @@ def test_blobs_of_the_likeliest_pairs_are_examined_beside_more_colourful_ones() 
     assert shortlist(found, SETTINGS, 1) == [bright[0], green, bright[1], yellow]
     assert shortlist(found[:5], SETTINGS, 1) == [bright[0], green, yellow]
     assert shortlist(found, SETTINGS, 3) == [bright[0], green, faint[0], bright[1], yellow, faint[1]]
+
+
+def test_marks_without_a_pair_are_the_best_of_each_with_the_sum_of_their_scores() -> None:
+    """The score of a round, whole one of the strongest colour is the odds of a disc to a sticker of any shape."""
+    alone = TrackingSettings.model_validate({"mark": {"green": {}}})
+    dim = replace(GREEN, center_px=(150.0, 40.0), chroma=70.0)
+    assert choose([dim, GREEN], alone) == ({"green": GREEN}, pytest.approx(np.log1p(np.exp(-2.0))))
+    assert choose([dim], alone) == ({"green": dim}, pytest.approx(np.log1p(np.exp(-2.0))))
+    assert choose([], alone) == ({}, 0.0)
+    of_pair = choose([GREEN, dim], SETTINGS)  # of which only one mark is seen
+    assert of_pair == ({"green": GREEN}, pytest.approx(np.log1p(np.exp(-2.0))))
 
 
 def places(drawn: list[tuple[int, int, int, int]], area_px2: float, monkeypatch: pytest.MonkeyPatch) -> list[object]:
