@@ -25,7 +25,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 import pytest
 
@@ -182,7 +182,7 @@ def _execute(path: Path, text: str) -> None:
     exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
     for name, new in vars(module).items():
         if inspect.isclass(new) and new.__module__ == module.__name__ and inspect.isclass(old := before.get(name)):
-            for part in [part for part in vars(new) if not part.startswith("__")]:
+            for part in [part for part in vars(new) if not part.startswith("__") and not _calls_super(vars(new)[part])]:
                 with suppress(AttributeError, TypeError):  # of an enumeration, or one with slots
                     setattr(old, part, vars(new)[part])  # so that what the old one made acts as the new one says
     for other in _ours():
@@ -194,6 +194,12 @@ def _execute(path: Path, text: str) -> None:
 
 def _name_of(path: Path) -> str:
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def _calls_super(part: object) -> bool:
+    """Whether a method or property knows its class, which for what the old class made is another one."""
+    function = part.fget if isinstance(part, property) else part
+    return isinstance(function, FunctionType) and "__class__" in function.__code__.co_freevars
 
 
 def _ours() -> list[ModuleType]:

@@ -9,7 +9,17 @@ import pytest
 
 from evaluator.turning import path
 from evaluator.turning.motion.curvature import Curvature
-from evaluator.turning.path import PointPath, _along, _circle, _distance, _first_guess, _noise, _spread, measure_path
+from evaluator.turning.path import (
+    PointPath,
+    _along,
+    _circle,
+    _distance,
+    _first_guess,
+    _longer_leg,
+    _noise,
+    _spread,
+    measure_path,
+)
 
 FRAME_S = 1 / 50
 
@@ -218,3 +228,18 @@ def test_noise_of_four_quarters_is_taken_twice_off_their_scatter(monkeypatch: py
         quarters = iter(values)
         monkeypatch.setattr(path, "_circle", lambda *_, quarters=quarters: next(quarters))
         assert _spread(np.arange(64.0), np.zeros((64, 2))) == pytest.approx(spread)
+
+
+@pytest.mark.parametrize(
+    ("along", "leg"),
+    [
+        ([0, 1, 2, 3, 2], [0, 1, 2, 3]),
+        ([0, -1, -2, -3, -2], [0, -1, -2, -3]),
+        ([0, 2, 4, 3, 2, 1], [4, 3, 2, 1]),
+        ([5, 6, 7, 6], [5, 6, 7]),  # as far as back: the way there
+    ],
+)
+def test_speed_out_and_back_is_that_of_the_longer_way_and_of_the_place_where_it_turns(
+    along: list[float], leg: list[float]
+) -> None:
+    assert np.array(along)[_longer_leg(np.array(along))].tolist() == leg

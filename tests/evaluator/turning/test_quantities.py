@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import poses_from_marks
 from evaluator.turning import RobotShape, Turning, measure_turning
-from evaluator.turning.quantities import _spectral_arc_length, with_sigmas
+from evaluator.turning.quantities import Rate, _spectral_arc_length, body_quantities, path_quantities, with_sigmas
 
 from . import synthetic
 from .synthetic import FRAME_S, GEOMETRY, arc_poses, marks_of, resting, straight_poses, winding_poses
@@ -141,3 +142,41 @@ def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
 
 def test_body_has_its_four_corners_about_the_middle_of_the_robot() -> None:
     assert sorted(map(tuple, SHAPE.corners_mm().tolist())) == [(-2.5, -4.5), (-2.5, 4.5), (2.5, -4.5), (2.5, 4.5)]
+
+
+def test_marks_drive_forward_or_backward_as_they_go_and_not_as_the_robot_does() -> None:
+    """At 1 mm/s ahead, 3 to the right and 0.5 rad/s to the left, what is 4 mm to the left goes back by 1 mm/s."""
+    fit: Any = SimpleNamespace(
+        body_twist=lambda _: np.array([1.0, -3.0, 0.5]),
+        curvature=lambda: SimpleNamespace(straight=False),
+        averaged=SimpleNamespace(mean=lambda: np.zeros(4), spread=lambda: np.zeros((4, 4))),
+        body_twists=lambda steps, _: np.tile([1.0, -3.0, 0.5], (len(steps), 1)),
+        systematic=np.zeros(4),
+    )
+    marks = MarkGeometry({"green": (0.0, 4.0), "yellow": (0.0, -4.0)})
+    found = body_quantities(fit, Rate(2.0, 0.0), marks, None, (None, None))
+    assert found["mark_speeds_mm_s"] == pytest.approx({"green": -2 * np.sqrt(10), "yellow": 2 * np.hypot(3, 3)})
+    assert (found["rotation_x_mm"], found["rotation_y_mm"]) == pytest.approx((6.0, 2.0))
+    assert found["mark_radii_mm"] == pytest.approx({"green": np.hypot(6, 2), "yellow": np.hypot(6, 6)})
+
+
+@pytest.mark.parametrize(("share", "efficiency"), [(0.9, 0.9), (1.0, 1.0), (1.1, 1.0)])
+def test_efficiency_and_ripple_of_a_straight_drive_whose_speed_swings_are_its_mean_and_its_root_mean_square(
+    share: float, efficiency: float
+) -> None:
+    """Noise of the local speeds lengthens the driven path and adds to the ripple: both are taken off in squares."""
+    time = 0.01 * np.arange(1000)
+    swing = 0.1 * np.sin(2 * np.pi * time)
+    scaled = np.zeros((1000, 3))
+    scaled[:, 0] = np.cumsum(5.0 * (1 + swing)) * 0.01
+    every = np.ones(1000, dtype=bool)
+    exact = path_quantities(time, scaled, 1e-9, every, every, share * 5.0)
+    assert exact["path_efficiency"] == pytest.approx(efficiency, rel=1e-3)
+    assert exact["speed_ripple"] == pytest.approx(0.1 / np.sqrt(2) / share, rel=0.01)
+    sigma = 0.0015  # of the five frames of a window the slope is known to sigma / √10 per frame
+    loud = path_quantities(time, scaled, sigma, every, every, share * 5.0)
+    noise = (sigma / np.sqrt(10) / 0.01) ** 2
+    lost = (exact["speed_ripple"] ** 2 - loud["speed_ripple"] ** 2) * (share * 5.0) ** 2
+    assert lost == pytest.approx(noise, rel=0.01)
+    shorter = min(exact["path_efficiency"] * (1 + noise / (2 * 5.0**2)), 1.0)
+    assert loud["path_efficiency"] == pytest.approx(shorter, abs=2e-6)

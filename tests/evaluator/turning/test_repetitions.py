@@ -135,3 +135,21 @@ def test_runs_of_one_command_that_disagree_have_no_common_radius() -> None:
     assert "they turn to both sides" in pool_runs(both)["note"][0]
     ways = pd.concat([runs_of(33.0, 14.0, [7.8], RIGHT), runs_of(33.0, 14.0, [7.8], BACKWARD_RIGHT)])
     assert "they drive forward and backward" in pool_runs(ways)["note"][0]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "yaw_rates", "fault"),
+    [
+        ([0.3, 0.4], [0.2, 0.3], ""),
+        ([0.3, 2.0], [0.2, 20.0], ""),
+        ([0.3, -0.3], [0.2, -0.2], "they drive forward and backward"),
+        ([0.3, 0.3], [0.2, -0.2], "they turn to both sides"),
+        ([-0.3, -2.0], [0.2, 20.0], ""),
+        ([-0.3, -0.3], [0.2, -0.2], "they turn to both sides"),
+    ],
+)
+def test_ways_and_sides_of_runs_are_those_of_their_signs_however_slow_they_are(
+    speeds: list[float], yaw_rates: list[float], fault: str
+) -> None:
+    runs = pd.DataFrame({"radius_mm": [8.0, 8.1], "speed_mm_s": speeds, "yaw_rate_deg_s": yaw_rates})
+    assert disagreement(runs) == fault
