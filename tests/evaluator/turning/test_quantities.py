@@ -148,7 +148,8 @@ def test_marks_drive_forward_or_backward_as_they_go_and_not_as_the_robot_does() 
     """At 1 mm/s ahead, 3 to the right and 0.5 rad/s to the left, what is 4 mm to the left goes back by 1 mm/s."""
     fit: Any = SimpleNamespace(
         body_twist=lambda _: np.array([1.0, -3.0, 0.5]),
-        curvature=lambda: SimpleNamespace(straight=False),
+        curvature=lambda: SimpleNamespace(straight=False, value=0.16, low=0.15, high=0.17),
+        motion=SimpleNamespace(length_mm=6.0, turn_rad=1.0),
         averaged=SimpleNamespace(mean=lambda: np.zeros(4), spread=lambda: np.zeros((4, 4))),
         body_twists=lambda steps, _: np.tile([1.0, -3.0, 0.5], (len(steps), 1)),
         systematic=np.zeros(4),
