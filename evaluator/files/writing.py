@@ -5,11 +5,11 @@ from __future__ import annotations
 import errno
 import math
 import os
+import secrets
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,23 +37,20 @@ def written_whole(path: Path) -> Iterator[Path]:
         if place.exists() and not place.is_file():  # the rename would replace a device, if the user may do that
             raise UnwritableError(f"{path}: is a folder, a pipe or a device; give the name of a file")
         place.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=place.parent)
-    except OSError as error:  # names a folder, or the temporary file
+    except OSError as error:  # names a folder
         raise _unwritable(path, error) from error
-    os.close(handle)
-    temporary = Path(name)
+    temporary = place.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
+        temporary.touch(exist_ok=False)  # within the block that removes it: an interrupt may come at any moment
         yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; a result is as readable as any other file
         _replace(temporary, place)
     except OSError as error:  # other errors come from files that the block reads
         if error.errno not in NO_ROOM and str(error.filename) != str(temporary):
             raise
         raise _unwritable(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # renamed, or never made; a disk that refuses this has said so before
+            temporary.unlink()
 
 
 def _replace(temporary: Path, place: Path) -> None:

@@ -10,7 +10,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -61,7 +60,7 @@ class Failing:
 # What a batch does to files: (object, name, error of the system).
 PLACES = {
     "rename": (Path, "replace", errno.EIO),
-    "new file": (tempfile, "mkstemp", errno.ENOSPC),
+    "new file": (Path, "touch", errno.ENOSPC),
     "new folder": (Path, "mkdir", errno.EROFS),
     "open": (Path, "open", errno.EIO),
     "write text": (Path, "write_text", errno.ENOSPC),
@@ -254,12 +253,27 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_file_that_was_wanted(
 def test_a_protected_folder_is_named_with_the_file_that_was_wanted_and_not_with_its_temporary_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def protected(**_: object) -> None:
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(tmp_path / ".r00.x1y2.csv"))
+    def protected(path: Path, **_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
 
-    monkeypatch.setattr(tempfile, "mkstemp", protected)
+    monkeypatch.setattr(Path, "touch", protected)
     with pytest.raises(UnwritableError, match=r"/r00\.csv: cannot be written \(read-only file system\)"):
         write_text(tmp_path / "r00.csv", "x")
+
+
+def test_an_interrupt_while_the_temporary_file_is_made_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touch = Path.touch
+
+    def interrupted(path: Path, **options: Any) -> None:
+        touch(path, **options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "touch", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_text(tmp_path / "r00.csv", "x")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_link_is_kept_and_its_target_replaced(tmp_path: Path) -> None:
