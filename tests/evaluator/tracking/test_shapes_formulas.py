@@ -122,16 +122,17 @@ def test_a_lost_blob_is_looked_for_within_its_radius_and_as_pale_as_the_light_ha
     light: float, share: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A radius of 5.64 px, and 9 px from the middle to its ends; a chroma sample covers 2 px."""
-    asked = list[Any]()
+    asked, seen = list[Any](), list[Any]()
 
     def blobs_around(_frame: Any, _cell: Any, color: np.ndarray, *where: Any) -> list[Any]:
         asked.append((color[4], *where))
-        return [seen]
+        return seen
 
     monkeypatch.setattr(follow_blob, "blobs_around", blobs_around)
     one, frame = follower(long_px=9.0), SimpleNamespace(size_px=(100, 80), time_s=0.0)
     radius = np.sqrt(AREA / np.pi)
-    for seen, status in ((blob(strength=22.1 * share), OK), (blob(strength=21.9 * share), "faded")):
+    for strength, status in ((22.1, OK), (21.9, "faded")):
+        seen[:] = [blob(strength=strength * share)]
         found = one.look_again(frame, np.full(4, 2.0), (50.0, 40.0), 0.1, (9.0, 9.0), light)  # type: ignore[arg-type]
         assert found.status == status
     assert asked[0] == (18.0 * share, (50.0, 40.0), pytest.approx(9.0 + radius + 4.0), 20.0)
