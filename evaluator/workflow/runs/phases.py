@@ -77,25 +77,26 @@ def phases_of(run_command: RunCommand, poses: Poses, shape: RobotShape | None = 
 def command_delay_of(run_command: RunCommand, poses: Poses, shape: RobotShape | None = None) -> CommandDelay:
     """Delay of a run's motion after its command log.
 
-    Of clocks far apart, and of a log that changes again before the motion has followed, by the whole motion; otherwise
-    by the moments of the changes.
+    It is searched by the moments of the changes near the log, or near the offset of the whole motion if that is farther
+    than these can show. Where the log changes again before the motion has followed, it is that offset.
     """
     there = poses.measured
     if there.sum() < FEWEST_FRAMES:
         return CommandDelay()
     time_s, pose = poses.time_s[there], np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
-    offset = _offset(run_command, time_s, pose, MOST_LATE_S)
-    apart_s = offset.value_s if offset is not None and abs(offset.value_s) > MOST_LATE_S else 0.0
-    begun = [apart_s + item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
-    changes = [change for change in begun if time_s[0] < change < time_s[-1]]
     reach_mm = math.inf if shape is None else float(np.hypot(*np.transpose(shape.wheel_positions_mm)).max())
-    found = command_delay(time_s, pose, changes, reach_mm)
-    if offset is not None and changes:
-        late_s = abs(offset.value_s - apart_s)
-        if not np.isfinite(found.value_s) or late_s > most_late_s(time_s, changes):
-            return CommandDelay(offset.value_s, offset.low_s, offset.high_s)
-    limits = {name: getattr(found, name) + apart_s for name in ("value_s", "low_s", "high_s")}
-    return replace(found, **limits)
+    offset = _offset(run_command, time_s, pose, MOST_LATE_S)
+
+    begun = [item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
+    for apart_s in (0.0,) if offset is None else (0.0, offset.value_s):
+        changes = [apart_s + change for change in begun if time_s[0] < apart_s + change < time_s[-1]]
+        if offset is not None and abs(offset.value_s - apart_s) > most_late_s(time_s, changes):
+            continue
+        found = command_delay(time_s, pose, changes, reach_mm)
+        if offset is None or np.isfinite(found.value_s):
+            limits = {name: getattr(found, name) + apart_s for name in ("value_s", "low_s", "high_s")}
+            return replace(found, **limits)
+    return CommandDelay() if offset is None else CommandDelay(offset.value_s, offset.low_s, offset.high_s)
 
 
 def _offset(

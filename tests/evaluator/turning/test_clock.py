@@ -9,6 +9,7 @@ import pytest
 
 from evaluator.turning.clock import (
     RISES_S,
+    UNEVEN,
     CommandDelay,
     _changes_mm_s,
     _fewest,
@@ -72,7 +73,7 @@ def test_lateness_is_that_of_the_beginning_of_a_change_that_takes_time(rise: flo
     late = 0.2
     found = delay_of_rising(rise, late)
     assert found.low_s < late < found.high_s
-    assert found.high_s - found.low_s < 0.1
+    assert 0 < found.high_s - found.low_s - 2 * UNEVEN * found.rise_s < 0.1
     assert found.rise_s == pytest.approx(rise, rel=0.4)
     assert found.settled_s == pytest.approx(late + rise, abs=0.2)
 
@@ -98,8 +99,15 @@ def test_changes_of_different_size_at_one_acceleration_do_not_move_the_delay() -
     sizes = [sum(abs(b - a) for a, b in zip(*pair, strict=True)) for pair in pairwise(twists)]  # of a wheel 1 mm off
     found = delay_of_rising(0.6, late, (sizes[0] / sizes[1], 1.0), twists, reach_mm=1.0)
     assert found.low_s < late < found.high_s
-    assert found.high_s - found.low_s < 0.04
+    assert found.high_s - found.low_s - 2 * UNEVEN * found.rise_s < 0.04
     assert found.rise_s == pytest.approx(0.6, rel=0.1)
+
+
+def test_interval_holds_the_beginning_of_a_change_that_fades_as_that_of_a_motor_with_lag() -> None:
+    """A change that is steady, which is fitted, begins 0.05 s too early to be alike."""
+    found = delay_of_rising(0.1, 0.2, fades=True)
+    assert found.value_s < 0.19
+    assert found.low_s < 0.2 < found.high_s
 
 
 def delay_of_rising(
@@ -108,15 +116,15 @@ def delay_of_rising(
     shares: tuple[float, float] = (1.0, 1.0),
     driven_at: tuple[Twist, ...] = (STRAIGHT, TURN, BACK),
     reach_mm: float = np.inf,
+    *,
+    fades: bool = False,
 ) -> CommandDelay:
-    """What is found of two changes of velocity that take shares of a time."""
+    """What is found of two changes of velocity that take shares of a time, or have it as time constant."""
     changes = [2.5, 6.0]
     fine = np.arange(0, 9, FRAME_S / 20)
     twists = np.array(driven_at)
-    parts = [
-        np.clip((fine - change - late) / (rise * share), 0, 1)[:, None]
-        for change, share in zip(changes, shares, strict=True)
-    ]
+    since = [(fine - change - late) / (rise * share) for change, share in zip(changes, shares, strict=True)]
+    parts = [(1 - np.exp(-np.maximum(part, 0)) if fades else np.clip(part, 0, 1))[:, None] for part in since]
     twist = twists[0] + parts[0] * (twists[1] - twists[0]) + parts[1] * (twists[2] - twists[1])
     heading = np.cumsum(twist[:, 2]) * FRAME_S / 20
     way = np.cumsum((twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * heading)) * FRAME_S / 20

@@ -39,12 +39,13 @@ def poses(count: int = 301, **more: Any) -> Any:
     [
         (None, CommandDelay(0.1, 0.05, 0.15, 0.02), 1.0, (0.1, 0.05, 0.15, 0.02)),
         (LogOffset(1.9, 1.8, 2.1), CommandDelay(0.1, 0.05, 0.15), 2.0, (0.1, 0.05, 0.15, 0.0)),  # near, and allowed
-        (LogOffset(1.9, 1.8, 2.1), CommandDelay(0.1, 0.05, 0.15), 1.8, (1.9, 1.8, 2.1, 0.0)),  # later than changes show
+        (LogOffset(1.9, 1.8, 2.1), CommandDelay(0.1, 0.05, 0.15), 1.8, (2.0, 1.95, 2.05, 0.0)),  # farther
+        (LogOffset(1.9, 1.8, 2.1), CommandDelay(), 1.8, (1.9, 1.8, 2.1, 0.0)),  # not even from there
         (LogOffset(1.9, 1.8, 2.1), CommandDelay(), 2.0, (1.9, 1.8, 2.1, 0.0)),  # changes show nothing
         (LogOffset(-3.0, -3.1, -2.8), CommandDelay(0.1, 0.0, 0.3), 1.0, (-2.9, -3.0, -2.7, 0.0)),  # clocks far apart
     ],
 )
-def test_a_delay_is_that_of_the_changes_after_that_of_clocks_far_apart(
+def test_a_delay_is_that_of_the_changes_near_the_log_or_near_the_whole_motion(
     offset: LogOffset | None,
     found: CommandDelay,
     late_s: float,
@@ -57,8 +58,10 @@ def test_a_delay_is_that_of_the_changes_after_that_of_clocks_far_apart(
     monkeypatch.setattr(phases, "most_late_s", lambda *_: late_s)
     delay = phases.command_delay_of(LOG, poses())
     assert (delay.value_s, delay.low_s, delay.high_s, delay.rise_s) == pytest.approx(expected)
-    apart = offset.value_s if offset is not None and abs(offset.value_s) > 2 else 0.0
-    assert asked == [(301, 2.0), [at + apart for at in (0.0, 1.0, 2.0) if 0 < at + apart < 5]]
+    far = offset.value_s if offset is not None else 0.0
+    searched = [apart for apart in dict.fromkeys([0.0, far]) if abs(far - apart) <= late_s]
+    usable = searched if not np.isfinite(found.value_s) else searched[:1]
+    assert asked == [(301, 2.0), *([at + apart for at in (0.0, 1.0, 2.0) if 0 < at + apart < 5] for apart in usable)]
 
 
 @pytest.mark.parametrize(("count", "logged", "said"), [(12, True, True), (11, True, False), (301, False, False)])
