@@ -137,8 +137,7 @@ class Run(Table):
             if apart:
                 return f"run {self.id}: its log of commands {apart}; do both count from one moment (start_s)?"
         key = "commands: motors on at" if command.logged else "start_s ="
-        start_s = self.start_s if not command.logged else command.start_s
-        if start_s is not None and start_s >= last_s:
+        if (start_s := command.start_s) is not None and start_s >= last_s:
             return (
                 f"run {self.id}: {key} {start_s:g} s, but {named} ends at {last_s:.2f} s; "
                 "give the time in the recording at which the motors were commanded on"

@@ -35,6 +35,7 @@ MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
 QUATERNION = ("qx", "qy", "qz", "qw")
 TUM_COLUMNS = 8  # time, three coordinates and a quaternion; EuRoC's begins with the same ones
+KITTI_COLUMNS = 12  # the first three rows of a matrix
 # Larger times are those of clocks that count from 1970 or from the start of a computer; they are shifted to begin at 0.
 LARGEST_CLOCK_S = 1e6
 # Number of groups of equal values among others from which they are not a coincidence.
@@ -149,6 +150,8 @@ def held(values: Array) -> NDArray[np.bool_]:
 def _columns(path: Path) -> pd.DataFrame:
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     said = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    if said and len(said[0].split()) == KITTI_COLUMNS and _is_numbers(said[0], None, KITTI_COLUMNS):
+        raise InputError(f"{path}: a trajectory in the format of KITTI has no times; write it in that of TUM")
     if said and _is_numbers(said[0], None, TUM_COLUMNS):
         return _from_quaternions(_numbers(path, said, None), 1.0, (4, 5, 6, 7))
     if said and _is_numbers(said[0], ",", TUM_COLUMNS):  # EuRoC: ns, x, y, z, qw, qx, qy, qz and further columns

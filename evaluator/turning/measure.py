@@ -78,7 +78,7 @@ def measure_turning(
     if phases.reason:
         return replace(seen, radius_status=phases.reason)
     seen = replace(seen, phases=phase_table(time, scaled, stretched, _commanded(time, start_s, stop_s)))
-    if several := several_motions(seen.phases):
+    if several := several_motions(seen.phases, start_s, stop_s):
         return replace(seen, radius_status=several)
     names = phases.names(time)
     if (steady := int((names == "steady").sum())) < FEWEST_FRAMES:

@@ -58,6 +58,15 @@ class Phase:
         """Kind of motion; equal for phases that could be one steady motion."""
         return self.kind, self.speed_mm_s > 0, self.kind != "straight" and self.turned_deg > 0
 
+    def within(self, start_s: float | None, stop_s: float | None) -> Phase | None:
+        """The part of the phase between two times, None if there is none."""
+        first = self.start_s if start_s is None else max(self.start_s, start_s)
+        last = self.stop_s if stop_s is None else min(self.stop_s, stop_s)
+        if last <= first:
+            return None
+        share = (last - first) / (self.stop_s - self.start_s)
+        return replace(self, start_s=first, stop_s=last, turned_deg=share * self.turned_deg)
+
 
 @dataclass(frozen=True)
 class _Piece:
@@ -101,9 +110,13 @@ def phase_table(time_s: Array, scaled: Scaled, stretched: Array, inside: Flags) 
     return tuple(piece.phase for piece in joined)
 
 
-def several_motions(phases: tuple[Phase, ...]) -> str:
-    """Sentence on a run with several motions; "" for a single one."""
-    driven = [phase for phase in phases if phase.kind not in ("rest", "transient")]
+def several_motions(phases: tuple[Phase, ...], start_s: float | None = None, stop_s: float | None = None) -> str:
+    """Sentence on a run with several motions between its commands; "" for a single one.
+
+    A robot that is driven back or carried away after stop_s has one motion.
+    """
+    commanded = (phase.within(start_s, stop_s) for phase in phases)
+    driven = [phase for phase in commanded if phase is not None and phase.kind not in ("rest", "transient")]
     total = sum(phase.stop_s - phase.start_s for phase in driven)
     counting = [
         phase

@@ -153,7 +153,7 @@ def _measured(
     if scale_sigma:
         found = found.with_scale(scale_sigma)
     phases = tuple({"run": head["run"], **row} for row in found.phase_rows())
-    if several_motions(found.phases):
+    if several_motions(found.phases, request.start_s, request.stop_s):
         lines = [*lines, *(_phase_line(row) for row in phases)]
     return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines), phases)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,20 @@ def phase(kind: Kind, seconds: float, turned_deg: float = 0.0, speed: float = 2.
 )
 def test_a_motion_counts_from_a_tenth_of_the_time_or_half_a_right_angle_on(second: Phase, several: bool) -> None:
     assert (several_motions((phase("straight", 9.0), second)) != "") == several
+
+
+@pytest.mark.parametrize(
+    ("start_s", "stop_s", "several"),
+    [(None, None, True), (None, 9.5, True), (None, 9.2, False), (9.0, None, False), (9.0, 9.5, False)],
+)
+def test_what_a_robot_does_before_its_start_and_after_its_stop_is_no_motion_of_the_run(
+    start_s: float | None, stop_s: float | None, *, several: bool
+) -> None:
+    """Driven 9 s ahead and back by a turn of 90 degrees in 1 s, of which half is one of 45."""
+    ahead, back = phase("straight", 9.0), replace(phase("turn", 10.0, 91.0, speed=-2.0), start_s=9.0)
+    assert (several_motions((ahead, back), start_s, stop_s) != "") == several
+    assert back.within(9.5, 9.75) == replace(back, start_s=9.5, stop_s=9.75, turned_deg=91 / 4)
+    assert ahead.within(9.0, 9.5) is None
 
 
 def test_turns_to_both_sides_are_two_motions_and_motions_are_counted_in_words() -> None:

@@ -86,7 +86,7 @@ def test_noise_makes_no_phases(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stop_there = "evaluator.turning.measure.several_motions"  # the fits after it take five times as long
-    monkeypatch.setattr(stop_there, lambda _: "its phases are enough")
+    monkeypatch.setattr(stop_there, lambda *_: "its phases are enough")
     for seed in range(8):
         run = measured(arc_poses(radius_mm, turned_deg, frames), sigma_mm, seed, correlation)
         assert [phase.kind for phase in run.phases if phase.kind != "rest"] == ["turn"]

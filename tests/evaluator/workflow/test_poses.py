@@ -133,6 +133,12 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
         assert other.zero_s == (0.0 if name == "m.csv" else zero_s)
 
 
+def test_a_trajectory_without_times_is_refused_as_one_of_kitti(tmp_path: Path) -> None:
+    (tmp_path / "p.txt").write_text("1 0 0 0.5 0 1 0 0.2 0 0 1 0\n" * 2)
+    with pytest.raises(InputError, match=r"p.txt: a trajectory in the format of KITTI has no times"):
+        read_poses(tmp_path / "p.txt")
+
+
 def test_a_table_of_other_names_is_refused_with_the_names_that_are_there(tmp_path: Path) -> None:
     (tmp_path / "r01.csv").write_text("t,x,y,yaw\n0,1,2,3\n")
     with pytest.raises(InputError, match=r"lacks time_s, x_mm, y_mm, heading_deg.*found: t, x, y, yaw"):

@@ -84,6 +84,14 @@ def test_motors_start_before_the_end_of_a_recording_and_stop_after_its_beginning
     assert bool(found) == bool(fault)
 
 
+def test_a_start_by_a_clock_that_counts_from_1970_lies_in_its_recording(tmp_path: Path) -> None:
+    (tmp_path / "p.txt").write_text("1700000000.5 0 0 0 0 0 0 1\n1700000009.5 0 0 0 0 0 0 1\n", encoding="utf-8")
+    path = str(tmp_path / "p.txt")
+    for start_s, fault in ((1700000001.0, False), (1700000010.0, True)):
+        by_clock = Run(id="r01", poses=path, start_s=start_s, left_rpm=1.0, right_rpm=1.0)
+        assert (by_clock.outside(by_clock.run_command(), 0.5, 9.5) is not None) == fault
+
+
 def report(last_s: float) -> TimingReport:
     frames, rate = round(60 * last_s) + 1, Fraction(1, 60)
     return TimingReport(frames, Fraction(0), (frames - 1) * rate, rate, (), (), variable=False, notes=())
