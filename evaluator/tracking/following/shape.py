@@ -30,7 +30,9 @@ Tried = tuple[BlobFollower, list[Sighting]] | None  # a follower after some fram
 OBLONG = 1.45
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposures, as shares of the interval, tried for motion blur
 FEW = 3  # frames needed for a decision
-SELDOM = 0.5  # share of the frames with the blob in which a disc must be found
+# Share of the frames with the blob in which a disc must be found, and of those with the disc in which the blob must be:
+# a blob is followed from its start, and lost if it moves by several radii a frame.
+SELDOM = 0.5
 # Number of consecutive frames in which a mark differs from its disc, and ratio of its area to that of the disc, from
 # which it is seen in another view.
 UNLIKE, SMALLER = 6, 0.7
@@ -73,7 +75,8 @@ def try_blob(
         return (blob, sightings) if len(ratios) > SELDOM * len(held) else None
     disc = np.median(ratios) < OBLONG and len(discs) >= SELDOM * len(ratios) if ratios else True
     disc = disc and blob.radius_px < WIDER * disc_px + FRINGE_PX
-    if len(ratios) < FEW or (disc and not _variance(sightings) < CLEARER * _variance(discs)):
+    lost = len(ratios) < SELDOM * sum(one.status == OK for frame, one in held if frame.index >= first)
+    if lost or len(ratios) < FEW or (disc and not _variance(sightings) < CLEARER * _variance(discs)):
         return None
     return blob, sightings
 

@@ -199,6 +199,19 @@ def test_a_mark_is_no_disc_that_is_oblong_or_seldom_holds_one(
     assert try_blob(follower(time_s=0.1), 8, held, np.ones(4)) is None  # two frames do not tell
 
 
+@pytest.mark.parametrize(("frames", "taken"), [(4, False), (5, True)])
+def test_a_blob_that_is_soon_lost_does_not_replace_a_disc(
+    frames: int, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    oblong = [[blob(spread_px2=np.diag([4.0, 1.0]))] if k < frames else [] for k in range(10)]
+    monkeypatch.setattr(follow_blob, "blobs_around", lambda *_: oblong.pop(0))
+    held: list[Any] = [
+        (SimpleNamespace(index=k, time_s=k / 30, size_px=(100, 80)), Sighting(50.0, 40.0, 1e-4, 1e-4, 0.0, OK))
+        for k in range(10)
+    ]
+    assert (try_blob(follower(time_s=0.0), 0, held, np.ones(4)) is not None) == taken
+
+
 @pytest.mark.parametrize(("share", "taken"), [(0.85, False), (0.6, True)])
 def test_a_disc_that_is_a_small_part_of_its_colour_is_a_reflection_on_the_mark(
     share: float, taken: bool, monkeypatch: pytest.MonkeyPatch
