@@ -19,7 +19,8 @@ from evaluator.cli.failures import run_safely
 from evaluator.cli.group import turnscope
 from tests.fuzz.entries import OUT, Entry
 
-LIMIT_S = 30.0  # for a file of some kilobytes
+LIMIT_S = 30.0  # of processor time, for a file of some kilobytes
+WAITS = 20.0  # times as long by the clock: a process may get a twentieth of a busy processor, and is no fault of a file
 LONGEST_SENTENCE = 20_000  # characters: a file may have many faults
 
 
@@ -96,17 +97,22 @@ def _inside(folder: Path, arguments: list[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def limited(limit_s: float) -> Iterator[None]:
+    """Raise HangError after this processor time, or after WAITS times as long by the clock."""
+
     def hang(number: int, frame: object) -> None:
         del number, frame
         raise HangError
 
-    before = signal.signal(signal.SIGALRM, hang)
-    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    timers = {signal.SIGVTALRM: (signal.ITIMER_VIRTUAL, limit_s), signal.SIGALRM: (signal.ITIMER_REAL, WAITS * limit_s)}
+    before = {number: signal.signal(number, hang) for number in timers}
+    for timer, seconds in timers.values():
+        signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, (timer, _) in timers.items():
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
 
 
 def spoilt(entry: Entry, valid: Path, rng: random.Random) -> bytes:
