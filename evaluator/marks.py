@@ -36,7 +36,11 @@ def mark_names(table: pd.DataFrame, unit: str = "mm") -> tuple[str, ...]:
 
 def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> NDArray[np.float64]:
     """Positions (n, m, 2) of some marks; NaN if a mark is missing."""
-    return np.stack([table[columns_of([name], unit)].to_numpy(float) for name in names], axis=1)
+    # column by column: a table of several columns is made ten times as slowly as an array of each
+    return np.stack(
+        [np.column_stack([table[column].to_numpy(float) for column in columns_of([name], unit)]) for name in names],
+        axis=1,
+    )
 
 
 def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataFrame:
@@ -55,8 +59,9 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         names = list(names)
         there = [name for name in names if set(columns_of([name])) <= set(table)]
         require_marks(table, str(path), there if len(there) > 1 else names)
-    numeric = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
-    for name in numeric:
+    numbers = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
+    kinds = dict(zip(table.columns, table.dtypes, strict=True))
+    for name in (name for name in numbers if kinds[name] != np.float64):
         values = numbers_of(table[name])
         bad = values.isna() & table[name].notna()
         if bad.any():
@@ -104,10 +109,10 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
     for name in table:
         if str(name).endswith(("_x_mm", "_y_mm")):
             values = table[name].to_numpy(float)
-            far = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_MM))
-            if len(far):
-                line = line_of(table, far[0])
-                raise InputError(f"{path}: line {line}, {name} = {values[far[0]]:g} is not a position on a plate")
+            far = np.abs(values) > LARGEST_MM
+            if far.any() and len(rows := np.flatnonzero(far & np.isfinite(values))):
+                line = line_of(table, rows[0])
+                raise InputError(f"{path}: line {line}, {name} = {values[rows[0]]:g} is not a position on a plate")
 
 
 def write_marks(table: pd.DataFrame, path: Path | str) -> None:

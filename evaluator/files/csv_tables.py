@@ -49,8 +49,7 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
         raise InputError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    filled = np.flatnonzero(table.notna().any(axis=1))
-    used: pd.DataFrame = table.iloc[: filled[-1] + 1 if len(filled) else 0]
+    used = _without_empty_end(table)
     if dialect["decimal"] == ",":  # pandas leaves a column with a word in it as it is
         words = {name: used[name] for name in used if pd.api.types.is_string_dtype(used[name].dtype)}
         used = used.assign(
@@ -58,6 +57,14 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
         )
     used.attrs["lines_before"] = dialect["skiprows"]
     return used
+
+
+def _without_empty_end(table: pd.DataFrame) -> pd.DataFrame:
+    """The table without the rows at its end that hold no value."""
+    if len(table) and any(not pd.isna(table.iat[-1, column]) for column in range(table.shape[1])):
+        return table  # nearly all tables, found by one cell
+    filled = np.flatnonzero(table.notna().any(axis=1))
+    return table.iloc[: filled[-1] + 1 if len(filled) else 0]
 
 
 def line_of(table: pd.DataFrame, row: int) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.marks import columns_of
+from evaluator.marks import columns_of, points_of
 from evaluator.robust import robust_sigma
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def _put_back(table: pd.DataFrame, names: Sequence[str]) -> str:
     """
     if len(names) != 2:
         return ""
-    first, second = (table[columns_of([name])].to_numpy(float) for name in names)
+    first, second = np.moveaxis(points_of(table, names), 1, 0)
     rows = _exchanged(first, second, table["time_s"].to_numpy(float))
     if not rows.any():
         return ""
@@ -83,7 +83,7 @@ def _without_repeated(table: pd.DataFrame, names: Sequence[str]) -> str:
     A mark that stays exactly where it was for FEWEST_ROWS or more is lost if its distance from another mark changes
     meanwhile, which no rigid robot does.
     """
-    places = {name: table[columns_of([name])].to_numpy(float) for name in names}
+    places = dict(zip(names, np.moveaxis(points_of(table, names), 1, 0), strict=True)) if names else {}
     still = {name: _stretches(place) for name, place in places.items()}
     lost = {name: np.zeros(len(table), dtype=np.bool_) for name in names}
     for first, second in combinations(names, 2):

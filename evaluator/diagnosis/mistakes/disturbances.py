@@ -9,13 +9,13 @@ import numpy as np
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
+from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
     Onset,
     displacement_in_gap,
     displacement_over,
-    jump,
     motion_of,
     onset,
 )

@@ -1,4 +1,4 @@
-"""Measured motion without a model: start, velocity and jumps of a run. Plate frame, mm, s, rad."""
+"""Measured motion without a model: start, velocity and displacements of a run. Plate frame, mm, s, rad."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.robust import PER_MEDIAN
@@ -24,11 +23,6 @@ GAP_SIGMAS = 8.0  # scatter of a frame: a velocity from 15 frames is extrapolate
 LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a gap; hands move a robot farther
 # The largest of about ten values along a rippled run is nearly the largest that occurs: twice as much is no ripple.
 UNSTEADY_TIMES = 2.0
-AROUND_JUMP = 10  # frames on either side of a jump over which the path is nearly straight
-MOST_JUMPS = 20  # positions of a run that are examined, those with the largest deviations first
-JUMP_WITHIN = 8  # frames: up to six of those next to a jump may have been rejected as outliers
-LEAST_JUMP_MM = 0.05  # if one side reverses 10 ms before the other, the position changes by 0.03 mm
-MOST_LOST = 3  # consecutive frames that recorders drop without notice
 REST_S = 0.08  # beginning of a recording in which the robot is assumed at rest, unless it moves
 
 
@@ -125,68 +119,6 @@ def onset(run: RunData) -> Onset | None:
     sigma = scatter / slope * float(np.sqrt(line + np.pi / 2 / rest))
     # a robot that moves already would appear to start in the middle of the assumed rest
     return Onset(time[first] + begins, sigma) if time[first] + begins > max(time[0] + REST_S, time[rest - 1]) else None
-
-
-def jump(run: RunData) -> tuple[float, float] | None:
-    """Time, s, and size, mm, of a jump of both marks between two frames; None if there is none.
-
-    A robot moves by its speed times the frame interval; a camera that is hit moves at once. Lines through some frames
-    before and after are extrapolated to the time between. Not counted are jumps of one mark alone, such as the trace of
-    an outlier in smoothed tracks; along the change of velocity, as of motors that start between two frames; and along
-    the path, as of lost frames.
-    """
-    seen = np.isfinite(run.marks_mm).all(axis=1)
-    time, marks = run.time_s[seen], run.marks_mm[seen]
-    new = np.insert(np.diff(marks, axis=0).any(axis=1), 0, True)[: len(marks)]
-    stepping = 2 * np.count_nonzero(new) < len(new)  # poses that are repeated until the next one change in steps
-    if not stepping:  # a recorder repeats a frame if there is no new one
-        time, marks = time[new], marks[new]
-    if len(time) < 24:
-        return None
-    middle, frame_s = _middle(marks), float(np.median(np.diff(time)))
-    steps = np.hypot(*np.diff(middle, axis=0).T)
-    least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
-    spans = np.maximum(np.diff(time), 1e-6)
-    speeds = np.diff(middle, axis=0) / spans[:, None]
-    usual = ndimage.median_filter(speeds, size=(2 * AROUND_JUMP - 1, 1), mode="nearest")
-    excess = np.hypot(*((speeds - usual) * spans[:, None]).T)
-    best: tuple[float, float] | None = None
-    for k in np.argsort(-excess)[:MOST_JUMPS]:
-        parts = slice(max(k + 1 - AROUND_JUMP, 0), k + 1), slice(k + 1, k + 1 + AROUND_JUMP)
-        if min(len(time[part]) for part in parts) < 5 or spans[k] > JUMP_WITHIN * frame_s:
-            continue
-        at = (time[k] + time[k + 1]) / 2
-        lines, slopes, spreads = zip(*(_line_at(time[part] - at, marks[part]) for part in parts), strict=True)
-        (first, other), (slope, next_slope) = np.reshape(lines[1] - lines[0], (2, 2)), map(_middle, slopes)
-        leap = (first + other) / 2
-        size, least = float(np.hypot(*leap)), max(10 * max(spreads), least_mm)
-        # lost frames; tracks that were smoothed or numbered without regard to a gap are behind by it
-        changed, lost = (-2 * spans[k], 2 * spans[k]), (frame_s - spans[k] - 1e-9, MOST_LOST * frame_s)
-        ordinary = (next_slope - slope, changed), (slope, lost), (next_slope, lost)
-        if np.hypot(*(first - other)) > size or any(_covers(speed, within, leap, least) for speed, within in ordinary):
-            continue
-        if size > least and (best is None or size > best[1]):
-            best = (float(at), size)
-    return best
-
-
-def _line_at(since_s: Floats, marks: Floats) -> tuple[Floats, Floats, float]:
-    """Value and slope (4,) at 0 of lines through marks (n, 4), and the RMS distance of their midpoint, mm."""
-    fit = np.polynomial.polynomial.polyfit(since_s, marks, 1)
-    left = _middle(marks - np.polynomial.polynomial.polyval(since_s, fit).T)
-    return fit[0], fit[1], float(np.sqrt(np.mean(left**2)))
-
-
-def _middle(marks: Floats) -> Floats:
-    """Midpoint (..., 2) of two marks (..., 4)."""
-    return (marks[..., :2] + marks[..., 2:]) / 2
-
-
-def _covers(speed: Floats, within_s: tuple[float, float], leap: Floats, least_mm: float) -> bool:
-    """Whether a velocity (2,), mm/s, explains a jump (2,), mm, in a time between two bounds, up to least_mm across."""
-    fast = max(float(np.hypot(*speed)), 1e-9)
-    along, across = float(leap @ speed) / fast, float(leap[0] * speed[1] - leap[1] * speed[0]) / fast
-    return within_s[0] * fast <= along <= within_s[1] * fast and abs(across) <= least_mm
 
 
 def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:

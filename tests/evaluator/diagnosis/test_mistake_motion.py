@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
     _carried,
     _missing_elsewhere,
     _missing_over,
     _moving_at,
     displacement_in_gap,
-    jump,
     midpoint_and_heading,
     motion_of,
     onset,
