@@ -59,9 +59,9 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         names = list(names)
         there = [name for name in names if set(columns_of([name])) <= set(table)]
         require_marks(table, str(path), there if len(there) > 1 else names)
-    numbers = [name for name in table if name == "time_s" or str(name).endswith(NUMBERS)]
-    kinds = dict(zip(table.columns, table.dtypes, strict=True))
-    for name in (name for name in numbers if kinds[name] != np.float64):
+    for name, kind in zip(table.columns, table.dtypes, strict=True):
+        if kind == np.float64 or not (name == "time_s" or str(name).endswith(NUMBERS)):
+            continue
         values = numbers_of(table[name])
         bad = values.isna() & table[name].notna()
         if bad.any():

@@ -7,6 +7,7 @@ is short for four wheels around it, of which the front pair drives and the rear 
 from __future__ import annotations
 
 import difflib
+from functools import lru_cache
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -230,6 +231,7 @@ def _numbers_in(table: str, part: BaseModel) -> list[str]:
     return [f"{table}.{name}" for name, value in part if isinstance(value, float)]
 
 
+@lru_cache(maxsize=64)  # sessions ask for the wheels of one robot a thousand times; they are immutable
 def four_wheels(
     wheelbase_mm: float, track_mm: float, radius_mm: float, driving_mN: float, driven_mN: float
 ) -> tuple[Wheel, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibration.store import load_camera
 from evaluator.diagnosis.assessment.sole_run import FEWEST_RUNS
-from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.candidates.coordinates import any_full_size, is_full_size
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
@@ -89,7 +89,7 @@ class Session:
         On a plate, yes: the model explains each command to the noise. On open ground the residuals of a model depend on
         the command, and imitate a drift unless at least two commands are driven again after others.
         """
-        if not any(map(is_full_size, self.robots)):
+        if not any_full_size(self.robots):
             return True
         stretches = [command for command, _ in groupby(run.command for run in self.data)]
         return sum(count > 1 for count in Counter(stretches).values()) >= FEWEST_COMMANDS
@@ -115,7 +115,7 @@ def without_mistakes(session: Session) -> Session:
 
 def needed_of(session: Session) -> Session:
     """The session with the runs that a diagnosis needs: on open ground those of some dozen commands of hundreds."""
-    if not any(map(is_full_size, session.robots)):
+    if not any_full_size(session.robots):
         return session
     return session.leaving_out(set(range(len(session.data))) - set(needed_runs(session.data)), NOT_NEEDED)
 

@@ -61,8 +61,8 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
 
 def _without_empty_end(table: pd.DataFrame) -> pd.DataFrame:
     """The table without the rows at its end that hold no value."""
-    if len(table) and any(not pd.isna(table.iat[-1, column]) for column in range(table.shape[1])):
-        return table  # nearly all tables, found by one cell
+    if len(table) and any(not pd.isna(cells.iloc[-1]) for _, cells in table.items()):
+        return table  # of most tables one cell tells
     filled = np.flatnonzero(table.notna().any(axis=1))
     return table.iloc[: filled[-1] + 1 if len(filled) else 0]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from evaluator.errors import InputError
@@ -26,7 +27,7 @@ class RunCommand:
     starts_at_rest: bool = True
     logged: bool = False
 
-    @property
+    @cached_property
     def driven(self) -> tuple[Stretch, ...]:
         """Intervals of constant command with a motor on, in order of time."""
         return tuple(item for item in self.command.stretches() if item.is_driven)
@@ -58,6 +59,7 @@ def unsigned_rpm(left_rpm: float, right_rpm: float) -> tuple[float, float]:
     return min(speeds), max(speeds)
 
 
+@lru_cache(maxsize=1024)  # many runs of a session have one command; what is returned is immutable
 def constant(
     left_rpm: float, right_rpm: float, start_s: float, stop_s: float | None, *, starts_at_rest: bool = True
 ) -> RunCommand:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,8 @@ from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from simulator.robot import Robot
 
 
@@ -28,10 +30,14 @@ WEAKEST, STRONGEST = 0.01, 300.0
 
 @dataclass(frozen=True)
 class Written:
-    """What experiment.toml says, also where it has faults; read once, as it may name thousands of files."""
+    """What experiment.toml says, also where it has faults; read once, as it may name thousands of files.
+
+    spans_s: first and last time of the marks files that could be read, by path.
+    """
 
     path: Path
     content: dict[str, Any]
+    spans_s: dict[Path, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def folder(self) -> Path:
@@ -70,10 +76,11 @@ def check_experiment(path: Path) -> Check:
         experiment = read_with(load_experiment, path)
     except InputError as error:
         faults.append(str(error))
-    faults += _faults_of_named_files(path)
-    runs = experiment.run if experiment else ()
+    written = _written(path)
+    faults += _faults_of_named_files(written) if written else ()
+    runs = experiment.run if experiment and written else ()
     faults += [fault for run in runs for fault in _faults_of_topics(run)]
-    faults += [fault for run in runs if (fault := _outside(run))]
+    faults += [fault for run in runs if (fault := _outside(run, written.spans_s if written else {}))]
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
     mistakes: tuple[str, ...] = ()
@@ -159,41 +166,55 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
         yield str(error)
 
 
-def _outside(run: Run) -> str | None:
+def _outside(run: Run, spans_s: Mapping[Path, tuple[float, float]]) -> str | None:
     """The fault of motors that start or stop outside the recording, by the duration that the container states."""
-    from evaluator.interchange.poses import poses_of, read_poses
     from evaluator.interchange.tracks import program_of
     from evaluator.marks import read_marks
     from evaluator.recording import open_recording
-    from evaluator.workflow.runs.phases import start_by_motion
 
     try:
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
             return run.outside(run.run_command(), 0.0, last) if last is not None else None
-        if run.marks is not None and program_of(run.marks) == "turnscope":
-            time = read_marks(run.marks)["time_s"]
-        elif run.poses is not None:
-            poses, command = poses_of(read_poses(run.poses, run.topics).table), run.run_command()
-            fault = run.outside(command, float(poses.time_s[0]), float(poses.time_s[-1]))
-            return fault and fault + start_by_motion(run, command, poses)
-        else:
-            return None
-        return run.outside(run.run_command(), float(time.iloc[0]), float(time.iloc[-1]))
+        if run.marks is not None and (run.marks in spans_s or program_of(run.marks) == "turnscope"):
+            return run.outside(run.run_command(), *(spans_s.get(run.marks) or _span_s(read_marks(run.marks))))
+        return _outside_of_poses(run, run.poses) if run.poses is not None else None
     except (InputError, OSError):
         return None  # reported for the file itself
 
 
-def _faults_of_named_files(path: Path) -> Iterator[str]:
-    """Faults of the files an experiment names, even if the experiment itself has faults."""
+def _span_s(marks: pd.DataFrame) -> tuple[float, float]:
+    """First and last time of a marks table."""
+    return float(marks["time_s"].iloc[0]), float(marks["time_s"].iloc[-1])
+
+
+def _outside_of_poses(run: Run, path: Path) -> str | None:
+    """The fault of a run with poses, with the start that the motion shows."""
+    from evaluator.interchange.poses import poses_of, read_poses
+
+    poses, command = poses_of(read_poses(path, run.topics).table), run.run_command()
+    fault = run.outside(command, float(poses.time_s[0]), float(poses.time_s[-1]))
+    if fault is None:
+        return None
+    from evaluator.workflow.runs.phases import start_by_motion  # loads scipy.signal, which takes a second
+
+    return fault + start_by_motion(run, command, poses)
+
+
+def _written(path: Path) -> Written | None:
+    """What an experiment says; None if it cannot be read, which is reported for the experiment."""
     try:
         refuse_stream(path)
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return Written(path, tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError):
-        return  # reported already
-    runs = content.get("run", [])
-    tables = [content, *(run for run in runs if isinstance(run, dict))] if isinstance(runs, list) else [content]
-    written = Written(path, content)
+        return None
+
+
+def _faults_of_named_files(written: Written) -> Iterator[str]:
+    """Faults of the files an experiment names, even if the experiment itself has faults."""
+    runs = written.content.get("run", [])
+    tables = [written.content]
+    tables += [run for run in runs if isinstance(run, dict)] if isinstance(runs, list) else []
     for key, check in CHECKS.items():
         for name in dict.fromkeys(table[key] for table in tables if isinstance(table.get(key), str)):
             yield from check(written, name)
@@ -242,6 +263,7 @@ def _marks(written: Written, name: str) -> Iterator[str]:
             table = read_marks(file, names or None)
             if not mark_names(table):  # the robot and the names of its marks are unknown
                 raise InputError(f"{file}: holds no mark; expected columns NAME_x_mm and NAME_y_mm")
+            written.spans_s[file] = _span_s(table)
             return
         _, points, _ = read_points(file, tracks, marks=names)
         found.extend(mark for mark in points if mark in names)

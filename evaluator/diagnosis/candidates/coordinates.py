@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +30,11 @@ def size_of(robot: Robot) -> Size:
 def is_full_size(robot: Robot) -> bool:
     """Whether a robot is too large for a plate, and drives on open ground."""
     return size_of(robot).on_ground
+
+
+def any_full_size(robots: Iterable[Robot]) -> bool:
+    """Whether any of these robots is too large for a plate; each is asked once, though thousands of runs share it."""
+    return any(map(is_full_size, {id(robot): robot for robot in robots}.values()))
 
 
 def named_terms(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -54,7 +55,7 @@ class RunData:
     from_poses: bool = False
     start_is_stated: bool = True
 
-    @property
+    @cached_property
     def run_command(self) -> RunCommand:
         """The commands of the run."""
         return self.log or constant(self.left_rpm, self.right_rpm, self.start_s, self.stop_s)

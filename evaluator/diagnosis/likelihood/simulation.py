@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.candidates.coordinates import any_full_size
 from evaluator.diagnosis.candidates.free_form import wheel_friction
 from evaluator.diagnosis.likelihood.feature_cache import Paths
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
@@ -56,18 +56,19 @@ class Simulated:
         self.known = dict(known or {})
         self.start_sigma_s = start_sigma_s
         self.robots: tuple[Robot, ...] = tuple(robots)
-        keys = {id(robot): mark_keys(robot) for robot in {id(robot): robot for robot in self.robots}.values()}
+        distinct = {id(robot): robot for robot in self.robots}
+        keys = {known: mark_keys(robot) for known, robot in distinct.items()}
         self._mark_keys = [keys[id(robot)] for robot in self.robots]
         self._data = tuple(data)
         self._errors = [SharedErrors(run, self.known) for run in data]
-        counts = {len(robot.wheel_positions_mm()) for robot in self.robots}
+        counts = {len(robot.wheel_positions_mm()) for robot in distinct.values()}
         self._terms = {term.id: term for count in counts for term in wheel_friction(count)} | dict(terms)
         run_commands = [run.run_command for run in data]
         self._knots = [item.command.knots for item in run_commands]
         self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
-        on_ground = any(map(is_full_size, self.robots))
+        on_ground = any_full_size(self.robots)
         self._tolerance_mm = GROUND_TOLERANCE_MM if on_ground else TOLERANCE_MM
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:

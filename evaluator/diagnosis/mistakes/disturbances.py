@@ -22,7 +22,7 @@ from evaluator.diagnosis.mistakes.motion import (
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.spacing import by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
-from evaluator.robot_geometry import reference_line
+from evaluator.robot_geometry import stated_distances_mm
 from evaluator.robust import robust_sigma
 from evaluator.turning.status import SPACING_SHARE
 from evaluator.wording import MM_PER
@@ -56,7 +56,7 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     """
     if not data:
         return []
-    stated_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
+    stated_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
     common, straight = _common(ratios), float("nan")

@@ -139,9 +139,11 @@ def frame_numbers(time_s: Floats) -> tuple[NDArray[np.int64], float]:
     if usual <= 0 or not np.isfinite(steps).all():
         return none
     numbers = np.concatenate([[0], np.cumsum(np.rint(steps / usual).astype(np.int64))])
-    begin, frame_s = np.polynomial.Polynomial.fit(numbers, time_s, 1).convert().coef
+    off = numbers - numbers.mean()
+    frame_s = float(off @ (time_s - time_s.mean()) / (off @ off))  # slope of a line
+    begin = time_s.mean() - frame_s * numbers.mean()
     counts = np.diff(numbers).min() > 0 and np.abs((time_s - begin) / frame_s - numbers).max() < REGULAR
-    return (numbers, float(frame_s)) if counts else none
+    return (numbers, frame_s) if counts else none
 
 
 def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Floats, Floats, Floats]:

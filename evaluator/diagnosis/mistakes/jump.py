@@ -77,9 +77,7 @@ def _sizes(time_s: Floats, marks: Floats, places: NDArray[np.int64], least_mm: f
     return np.where(refused | (size <= least), 0.0, size)
 
 
-def _lines_at(
-    time_s: Floats, marks: Floats, frames: NDArray[np.int64], at_s: Floats
-) -> tuple[Floats, Floats, Floats]:
+def _lines_at(time_s: Floats, marks: Floats, frames: NDArray[np.int64], at_s: Floats) -> tuple[Floats, Floats, Floats]:
     """Values and slopes (m, 4) at times (m,) of lines through frames (m, k) of marks (n, 4), and their scatter.
 
     The scatter (m,), mm, is the RMS distance of the midpoint of the marks. Frames outside of the run do not count.

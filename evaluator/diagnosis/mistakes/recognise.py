@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.candidates.coordinates import any_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
@@ -42,7 +42,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     if disturbed or len(logs) < len(data):  # otherwise the same runs were tested already
         found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
-    if any(map(is_full_size, robots)):
+    if any_full_size(robots):
         kinds = [item.kind for item in found]
         found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]
     return mistakes_of(found, len(data), {"sides-swapped": turning})

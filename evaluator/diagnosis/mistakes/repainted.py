@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import PASSES, spacing
-from evaluator.robot_geometry import reference_line
+from evaluator.robot_geometry import stated_distances_mm
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ APART = 2.0  # least ratio of the gap between two groups to their ranges; runs o
 
 def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """The runs whose distance of the marks differs more from the robot file, if all runs form two groups; else none."""
-    lines_mm = [float(np.hypot(*reference_line(robot))) for robot in robots]
+    lines_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, line) for run, line in zip(data, lines_mm, strict=True)]
     if len(data) < 2 * FEWEST_OF_GROUP or any(run.from_poses for run in data):
         return []

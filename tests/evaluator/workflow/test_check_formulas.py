@@ -32,7 +32,7 @@ def day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(checks, "_faults_of_named_files", lambda _: iter(said.named))
     monkeypatch.setattr(checks, "_faults_of_topics", lambda _: iter(said.topics))
-    monkeypatch.setattr(checks, "_outside", lambda _: said.outside)
+    monkeypatch.setattr(checks, "_outside", lambda *_: said.outside)
     monkeypatch.setattr(checks, "_faults_of_sizes", lambda _: iter(said.sizes))
     monkeypatch.setattr(checks, "mistakes_of_marks", mistakes)
     return said
@@ -58,6 +58,12 @@ def test_files_are_read_of_an_experiment_that_cannot_be(day: Any) -> None:
     assert "nonsense" in found.faults[0]
 
 
+def written_in(path: Path) -> Written:
+    written = checks._written(path)
+    assert written is not None
+    return written
+
+
 def test_every_file_is_checked_once_by_the_check_of_its_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, str]] = []
 
@@ -67,13 +73,15 @@ def test_every_file_is_checked_once_by_the_check_of_its_key(tmp_path: Path, monk
     monkeypatch.setattr(checks, "CHECKS", {key: noted(key) for key in checks.CHECKS})
     path = tmp_path / "day.toml"
     path.write_text(HEAD + 'camera = "c.json"\n' + run("a") + run("b", "video", "mp4") + run("a"), encoding="utf-8")
-    assert list(checks._faults_of_named_files(path)) == []
+    assert list(checks._faults_of_named_files(written_in(path))) == []
     assert asked == [("robot", "barrel"), ("camera", "c.json"), ("video", "b.mp4"), ("marks", "a.csv")]
     asked.clear()
-    for text in ("run = 3\n", 'run = ["a"]\n', "{"):
+    for text in ("run = 3\n", 'run = ["a"]\n'):
         path.write_text(text, encoding="utf-8")
-        assert list(checks._faults_of_named_files(path)) == []
+        assert list(checks._faults_of_named_files(written_in(path))) == []
     assert asked == []
+    path.write_text("{", encoding="utf-8")
+    assert checks._written(path) is None
 
 
 MARKS = "time_s,{a}_x_mm,{a}_y_mm,{b}_x_mm,{b}_y_mm\n0,1,2,3,4\n0.1,1,2,3,4\n"
@@ -93,6 +101,7 @@ def test_marks_are_read_as_the_analysis_does(robot: str, text: str, said: str, t
     written = Written(tmp_path / "day.toml", {"robot": robot})
     faults = list(checks._marks(written, "a.csv"))
     assert len(faults) == bool(said)
+    assert written.spans_s == ({} if said else {tmp_path / "a.csv": (0.0, 0.1)})
     assert said in "".join(faults)
 
 

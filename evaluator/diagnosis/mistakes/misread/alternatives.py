@@ -131,10 +131,16 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
 
 
 def distinct_commands(data: Sequence[RunData]) -> list[RunData]:
-    """The runs without those whose log holds the same commands as one before."""
+    """The runs without those whose command, or whose log of commands, is that of one before."""
     found: list[RunData] = []
+    constant: set[tuple[float, float]] = set()
     for run in data:
-        if run.log is None or not any(other.log is not None and _alike(run.log, other.log) for other in found):
+        if run.log is None:
+            is_new = run.command not in constant
+            constant.add(run.command)
+        else:
+            is_new = not any(other.log is not None and _alike(run.log, other.log) for other in found)
+        if is_new:
             found.append(run)
     return found
 

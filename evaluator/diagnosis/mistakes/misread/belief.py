@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.candidates.coordinates import any_full_size, is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
 from evaluator.diagnosis.mistakes.misread.judgement import (
@@ -143,7 +143,7 @@ def misfits_within_tolerances(
     nearest first, as long as they then fit several times better than the file, which is tried last. Unchanged if more
     than half of the runs are odd: that is physics, or a mistake of the session.
     """
-    if 2 * sum(odd) > len(odd) or any(map(is_full_size, robots)):
+    if 2 * sum(odd) > len(odd) or any_full_size(robots):
         return [item.misfits_mm for item in judgements]
     found = []
     for item, robot, is_odd in zip(judgements, robots, odd, strict=True):

@@ -133,11 +133,14 @@ def _least_shares(judgements: Sequence[Judgement]) -> list[float]:
         alike.setdefault(_relative(item.speeds), []).append(k)
     found = [MISFIT_SHARE] * len(judgements)
     for members in alike.values():
+        if len(members) <= FEWEST_SIMILAR:
+            continue
         shares = np.array([judgements[k].share for k in members])
-        for place, k in enumerate(members):
-            others = np.delete(shares, place)
-            if len(others) >= FEWEST_SIMILAR and np.isfinite(others).all():
-                found[k] = min(MISFIT_SHARE, BETTER * float(others.max()))
+        unknown, largest = np.count_nonzero(~np.isfinite(shares)), np.sort(np.where(np.isfinite(shares), shares, 0.0))
+        for k, share in zip(members, shares, strict=True):
+            if unknown == (not np.isfinite(share)):  # that of every other run is known
+                of_others = largest[-2] if share == largest[-1] else largest[-1]
+                found[k] = min(MISFIT_SHARE, BETTER * float(of_others))
     return found
 
 
