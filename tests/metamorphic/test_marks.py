@@ -114,20 +114,23 @@ def test_seconds_counted_twice_as_long_halve_the_speed_and_keep_the_radius(plain
     assert found["speed_mm_s"] == pytest.approx(plain["speed_mm_s"] / 2, rel=1e-4)
 
 
-def test_a_robot_and_its_path_of_twice_the_size_double_radius_and_speed(plain: pd.Series, tmp_path: Path) -> None:
+@pytest.mark.parametrize("size", [0.2, 2.0, 1000.0])  # 1 mm to 5 m long
+def test_a_robot_and_its_path_of_another_size_have_radius_and_speed_in_proportion(
+    size: float, plain: pd.Series, tmp_path: Path
+) -> None:
     from tests.end_to_end.commands import ROOT
 
     text = (ROOT / "simulator/robots/barrel.toml").read_text(encoding="utf-8")
-    for once, twice in (("[-1.55, 1.83]", "[-3.1, 3.66]"), ("[-1.55, -1.83]", "[-3.1, -3.66]")):
-        assert once in text
-        text = text.replace(once, twice)
+    for x, y in ((-1.55, 1.83), (-1.55, -1.83)):
+        assert f"[{x}, {y}]" in text
+        text = text.replace(f"[{x}, {y}]", f"[{size * x}, {size * y}]")
     (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
-    experiment = write_experiment(tmp_path, [("r01", LEFT, RIGHT, moved(MARKS, 2 * np.eye(2)))])
+    experiment = write_experiment(tmp_path, [("r01", LEFT, RIGHT, moved(MARKS, size * np.eye(2)))])
     told = experiment.read_text(encoding="utf-8").replace('robot = "barrel"', 'robot = "robot.toml"')
     experiment.write_text(told, encoding="utf-8")
     found = analyze(experiment, tmp_path / "out", workers=1).turning.iloc[0]
     np.testing.assert_allclose(
-        found[list(PHYSICS[:4])].astype(float), 2 * plain[list(PHYSICS[:4])].astype(float), rtol=1e-5
+        found[list(PHYSICS[:4])].astype(float), size * plain[list(PHYSICS[:4])].astype(float), rtol=1e-5
     )
 
 
