@@ -20,7 +20,10 @@ workers_option = click.option(
     "--workers", type=click.IntRange(min=1), metavar="N", help="Processes to work with. [default: one per core]"
 )
 dask_option = click.option(
-    "--dask", metavar="ADDRESS", help="Compute on a Dask cluster with this scheduler, e.g. tcp://host:8786."
+    "--dask",
+    metavar="ADDRESS",
+    help="Compute on a Dask cluster with this scheduler, e.g. tcp://host:8786. Start its workers with "
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED=False in long batches: it saves each of them 0.3 MB a recording.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print errors only.")

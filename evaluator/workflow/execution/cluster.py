@@ -1,7 +1,7 @@
 """Parallel execution on a Dask cluster.
 
-The memory of a worker grows by 0.3 MB a recording, which Dask's profiler keeps; start workers with
-DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED=False in long batches.
+The memory of a worker grows by 0.3 MB a recording, which Dask's profiler keeps; the help of --dask says how to start
+workers without it.
 """
 
 from __future__ import annotations
