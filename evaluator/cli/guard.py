@@ -15,8 +15,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from evaluator.files.time_limit import LONGEST_S, mark_as_watched
-
 CHILD = "TURNSCOPE_CHILD"  # environment variable that identifies the child
 READING = frozenset(
     "demo calibrate check-camera dots track turning analyze compare report export diagnose check selftest".split()  # noqa: SIM905
@@ -85,6 +83,8 @@ def crash_sentence(status: int, what: str) -> str:
             f"{what}: the process was killed; if nobody did so, memory ran out: close other programs, use --workers 1"
         )
     if cause == "SIGPROF":
+        from evaluator.files.time_limit import LONGEST_S
+
         return (
             f"{what}: a file could not be read within {LONGEST_S:g} s of processor time, it is probably damaged: "
             "give the files one by one to find which, and write it anew"
@@ -105,6 +105,9 @@ def live_as_child() -> None:
         again, last = time.monotonic() - last < ONCE_S, time.monotonic()
         if not again:
             raise KeyboardInterrupt
+
+    # here, because a parent and a call for help need none of what the room of files imports: a tenth of a second
+    from evaluator.files.time_limit import mark_as_watched
 
     mark_as_watched()
     signal.signal(signal.SIGINT, interrupt)

@@ -105,3 +105,13 @@ def test_every_public_name_is_there_and_importing_the_package_is_light(package: 
     assert done.returncode == 0, done.stderr
     module = importlib.import_module(package)
     assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_help_loads_none_of_the_libraries_that_take_a_tenth_of_a_second() -> None:
+    code = (
+        "import atexit, sys; sys.argv = ['turnscope', '--help']; "
+        "atexit.register(lambda: print({'numpy', 'pandas', 'numba', 'pydantic'} & set(sys.modules), file=sys.stderr)); "
+        "from evaluator.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.strip()) == (0, "set()")
