@@ -177,19 +177,23 @@ def change(path: Path, text: str) -> None:
 
 
 def _execute(path: Path, text: str) -> None:
-    module = importlib.import_module(_name_of(path))
-    before = dict(vars(module))
-    exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
-    for name, new in vars(module).items():
-        if inspect.isclass(new) and new.__module__ == module.__name__ and inspect.isclass(old := before.get(name)):
-            for part in [part for part in vars(new) if not part.startswith("__") and not _calls_super(vars(new)[part])]:
-                with suppress(AttributeError, TypeError):  # of an enumeration, or one with slots
-                    setattr(old, part, vars(new)[part])  # so that what the old one made acts as the new one says
-    for other in _ours():
-        for name in _imported(Path(str(other.__file__))):
-            owner, _, what = name.rpartition(".")
-            if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
-                setattr(other, what, vars(module)[what])
+    """Execute a text in the namespace of a module, and of its copy that tests have of it uncompiled."""
+    copies = list(sys.modules[UNCOMPILED]._all().values()) if UNCOMPILED in sys.modules else []
+    for module in [importlib.import_module(_name_of(path)), *(one for one in copies if one.__name__ == _name_of(path))]:
+        before = dict(vars(module))
+        exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
+        for name, new in vars(module).items():
+            if inspect.isclass(new) and new.__module__ == module.__name__ and inspect.isclass(old := before.get(name)):
+                for part in [
+                    part for part in vars(new) if not part.startswith("__") and not _calls_super(vars(new)[part])
+                ]:
+                    with suppress(AttributeError, TypeError):  # of an enumeration, or one with slots
+                        setattr(old, part, vars(new)[part])  # so that what the old one made acts as the new one says
+        for other in [*_ours(), *copies]:
+            for name in _imported(Path(str(other.__file__))):
+                owner, _, what = name.rpartition(".")
+                if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
+                    setattr(other, what, vars(module)[what])
 
 
 def _name_of(path: Path) -> str:
@@ -209,6 +213,7 @@ def _ours() -> list[ModuleType]:
 
 # Rooms whose modules are found, not imported by name, and the module that gathers what they declare.
 GATHERED = {"simulator/effects": Path("simulator/effects/catalogue.py")}
+UNCOMPILED = "tests.simulator.plain"  # what it holds are modules of their own
 _imported = cache(imported)
 _OURS = tuple(f"{ROOT / name}{os.sep}" for name in OURS)  # an environment within the project's folder is not ours
 
