@@ -203,3 +203,22 @@ def test_motors_that_have_been_told_one_command_for_long_turn_by_it_limited_and_
     model = compile_robot(robot)[0]
     assert held(11.0, -13.0, model) == (0.0, -13.0)
     assert held(80.0, -49.0, model) == (50.0, -49.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("off", "slope", "ramp", "rate", "time_s"),
+    [
+        (0.0, 3.0, 0.0, 3.0, 0.0),  # no ramp: it follows
+        (0.0, 3.0, 0.25, 3.0, 0.0),  # a ramp of 4 rpm/s
+        (0.0, 5.0, 0.25, 4.0, np.inf),  # which the target leaves behind
+        (2.0, 0.0, 0.25, 4.0, 0.5),
+        (2.0, 3.0, 0.25, 4.0, 2.0),  # behind a target that moves away by 3 of 4 rpm/s
+        (2.0, 5.0, 0.25, 4.0, np.inf),
+        (-2.0, 3.0, 0.25, -4.0, 2.0 / 7.0),
+    ],
+)
+def test_a_motor_nears_its_target_as_fast_as_its_ramp_lets_it_and_follows_it_from_there(
+    off: float, slope: float, ramp: float, rate: float, time_s: float, way: float
+) -> None:
+    assert plain("motors")._nearing(way * off, 1e-9, way * slope, ramp) == pytest.approx((way * rate, time_s))
