@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from simulator.integrator import collocation as module
 from simulator.integrator.collocation import POINTS, POWERS, SHARES, TO_POWERS, X_RATE, Y_RATE, U, X
@@ -73,6 +74,24 @@ def test_what_a_rate_lacks_is_its_last_coefficient_of_chebyshev_or_a_tenth_of_th
     filled[row] = -3.0 * AT**power
     lever = module.LEVER_MM if row == U + 2 else 1.0
     assert uncompiled(module.cut_off)(LENGTH, filled) == pytest.approx(3.0 * share * lever * LENGTH, abs=1e-9)
+
+
+def test_a_path_begins_where_the_relaxation_ends_and_is_the_integral_of_its_velocity() -> None:
+    """Left after the twist A⁻¹ (velocity at the first point - velocity at the start); from there an arc."""
+    u, v, r, twist = 3.0, -0.5, 0.8, np.array([[0.1, 0.02, -0.03], [0.04, 0.2, 0.05], [-0.06, 0.01, 0.3]])
+    y, pose, filled = np.array([0.0, 0.0, 0.0, 2.6, -0.4, 0.3]), np.array([5.0, -2.0, 0.7]), table()
+    filled[[U, U + 1, U + 2]] = np.array([[u], [v], [r]])
+    work: Any = SimpleNamespace(table=filled, y=y, inverse=twist, pose=pose)
+    uncompiled(module.follow)(LENGTH, work)
+    ahead, left, angle = twist @ ([u, v, r] - y[3:])
+    moved = expm(np.array([[0.0, -angle, ahead], [angle, 0.0, left], [0.0, 0.0, 0.0]]))
+    turned = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    start, heading = pose[:2] + turned @ moved[:2, 2], 0.7 + angle + r * LENGTH * np.asarray(SHARES)
+    np.testing.assert_allclose(filled[module.HEADING], heading, atol=1e-12)
+    back = np.array([[u, v], [-v, u]]) @ np.stack([np.sin(heading), np.cos(heading)]) / r  # ∫ R(heading) (u, v) dt
+    np.testing.assert_allclose(
+        filled[[X, X + 1]], start[:, None] + back * [[1], [-1]] - (back * [[1], [-1]])[:, :1], atol=1e-9
+    )
 
 
 def test_a_run_goes_on_from_the_last_point_of_its_step() -> None:

@@ -141,7 +141,10 @@ def test_newtons_method_needs_one_step_in_a_linear_world_and_gives_up_where_it_i
     lives_in(rolling, monkeypatch)
     work, step, residual, change = worked((1.5, -0.6, 1.1)), 0.05, np.zeros(3), np.zeros(3)
     guess = np.array([0.0, 0.0, 0.0, 3.0, 2.0, -1.0])
+    places, place_after = list[Any](), EULER.place_after
+    monkeypatch.setattr(EULER, "place_after", lambda *said: places.append(said[1:5]) or place_after(*said))  # type: ignore[func-returns-value]
     size = EULER.excess(0.3, step, work.y, guess, MODEL, work, residual)
+    assert places == [(*(step / 2 * (work.y[3:6] + guess[3:])), 0.35)]  # the mean of both velocities on
     assert size == pytest.approx(np.linalg.norm(residual * [1.0, 1.0, 2.0]))  # a lever of 2 mm
     assert EULER.newton_change(step, residual, work, change)
     end = np.linalg.solve(np.eye(3) + step * K, work.y[3:] + step * DRIVEN)
