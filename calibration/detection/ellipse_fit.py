@@ -24,7 +24,7 @@ from calibration.compilation import compiled
 
 Array = NDArray[np.float64]
 PARAMETERS = 10  # cx, cy, A11, A12, A22, s, b, a, gx, gy
-ITERATIONS = 25
+ITERATIONS = 25  # most steps of a fit; three or four are usual, see below
 ROOT_TWO_PI = 1 / sqrt(2 * pi)
 SHARED = 1000  # dots from which on threads are faster
 # Convergence: last step of the centre, px, and relative step of blur and contrast. Each step reduces the error at least

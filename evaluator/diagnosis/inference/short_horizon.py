@@ -21,6 +21,8 @@ from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.progress import Progress
 
+# Beginnings of the runs that are fitted before the whole of them. Errors of the heading grow with time at most in
+# proportion: what the fit of the first second leaves has grown by the factor of 2.5 at the end of the next.
 HORIZONS_S = (1.0, 2.5)
 RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled, so that the error of the heading grows little from one to the next
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by

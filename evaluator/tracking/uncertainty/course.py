@@ -9,8 +9,8 @@ from evaluator.robust import PER_MEDIAN
 
 Array = NDArray[np.float64]
 
-OFFSETS = np.array([-5, -4, -3, -2, -1, 1, 2, 3, 4, 5])
 REACH = 5  # neighbours on either side
+OFFSETS = np.delete(np.arange(-REACH, REACH + 1), REACH)  # of the neighbours, in frames
 # The course is the quartic through the neighbours by least squares: on a circle of 100 px radius at 0.05 rad a step it
 # leaves 1e-3 px. A frame's error needs two more neighbours than the quartic has unknowns, with two of them on either
 # side.
