@@ -146,3 +146,31 @@ def test_a_blob_begins_with_the_largest_area_of_its_colour_about_its_place(monke
 def test_only_what_was_seen_counts_for_the_usual_variance_of_a_centre() -> None:
     seen = [Sighting(0.0, 0.0, 1.0, 3.0, 0.0, OK), ABSENT["faded"], Sighting(0.0, 0.0, 5.0, 9.0, 0.0, OK), at(0.0, 0.0)]
     assert shape._variance(seen) == 2.0
+
+
+def test_shapes_are_learnt_one_after_the_other_one_step_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three frames of lessons that need two steps: the third tells what was learnt, if anything."""
+    from evaluator.tracking.following import lessons as module
+
+    monkeypatch.setattr(module, "with_disc", lambda look, disc: (look, disc))
+    taken, given = list[Any](), list[Any]()
+
+    def lesson(learnt: Any) -> Any:
+        yield
+        yield
+        return learnt
+
+    def mark(learnt: Any) -> Any:
+        def learn_anew(views: Any, interval_s: float) -> Any:
+            given.append((len(views), interval_s))
+            return lesson(learnt)
+
+        return SimpleNamespace(look="look", learn_anew=learn_anew, take_shape=taken.append)
+
+    queue = module.Lessons()
+    for learnt, views in ((None, 12), ("disc", 13), ("other", 25)):
+        queue.begin(mark(learnt), ["view"] * views, 0.1)  # type: ignore[list-item]
+    assert given == [(12, 0.1), (7, 0.1), (9, 0.1)]  # twelve views at most
+    assert [queue.go_on() for _ in range(9)] == [False] * 5 + [True, False, False, True]
+    assert taken == [("look", "disc"), ("look", "other")]
+    assert not queue
