@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from evaluator.turning.motion.steady_motion import bend_design, fit_steady_motion, linearised, moved
+from evaluator.turning.motion.steady_motion import (
+    _first_along,
+    _first_guess,
+    bend_design,
+    fit_steady_motion,
+    linearised,
+    moved,
+)
 from evaluator.turning.motion.subgroup import composed
 
 from .synthetic import matrix, winding_poses
@@ -92,6 +99,36 @@ def test_exact_motion_is_found_from_any_start_forward_backward_and_on_the_spot(
     motion = fit_steady_motion(pose, LENGTH_MM, np.broadcast_to(np.eye(2), (40, 2, 2)).copy())
     np.testing.assert_allclose(motion.residual_mm, 0, atol=1e-9)
     np.testing.assert_allclose(motion.twist * np.sign(motion.along_mm[-1] - motion.along_mm[0]), way, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("twist", "turned", "known_to"),
+    [
+        ((0.9, 0.1, 0.3), 2.0, 1e-9),
+        ((-0.2, 0.1, -0.9), -2.0, 1e-9),
+        ((0.0, 0.0, 1.0), 2.0, 1e-9),
+        ((0.8, -0.6, 0.0), 0.0, 1e-9),
+        ((0.0, 0.0, -1.0), -0.2, 1e-9),
+        ((0.6, 0.4, 0.5), 0.2, 0.02),  # as a line: to first order in the angle turned
+        ((0.9, 0.1, 0.3), 0.5, 0.05),
+    ],
+)
+def test_fit_begins_with_the_exact_motion_of_a_turn_a_line_or_a_small_turn_on_the_spot(
+    twist: tuple[float, ...], turned: float, known_to: float
+) -> None:
+    """Frames without a weight take no part, however far off they lie."""
+    way = np.array(twist) / np.linalg.norm(twist)
+    along = np.linspace(0, turned * LENGTH_MM / way[2] if turned else 5.0, 41)
+    scaled = on_a_motion(way, along)
+    scaled[7] += [3.0, -2.0, 1.0]
+    used = np.arange(41) != 7
+    start, found = _first_guess(scaled, LENGTH_MM, used)
+    np.testing.assert_allclose(found, way, atol=known_to)
+    parameter = _first_along(scaled, start, found, LENGTH_MM)
+    reach = float(np.ptp(along))
+    np.testing.assert_allclose(np.diff(parameter[8:]), np.diff(along[8:]), atol=known_to * reach / 10)
+    on_it = np.array([after(start, t * found) for t in parameter[8:]])
+    np.testing.assert_allclose(on_it, scaled[8:], atol=known_to * reach)
 
 
 def test_frames_of_no_weight_do_not_move_the_fit_and_heavier_ones_move_it_more() -> None:

@@ -69,6 +69,14 @@ def test_frames_between_shares_of_a_turn_hold_both_ends_and_eight_at_least() -> 
     assert len(_between(heading, inside, [(0.0, 0.176)])) == 1  # eight
 
 
+def test_frames_that_noise_puts_beyond_the_ends_of_a_turn_are_of_its_first_and_last_part() -> None:
+    heading = np.linspace(0, 2.0, 41)
+    heading[3], heading[38] = -0.1, 2.1
+    first, last = _between(heading, np.arange(41), [(0.0, 0.25), (0.75, 1.0)])
+    assert np.flatnonzero(first).tolist() == list(range(11))
+    assert np.flatnonzero(last).tolist() == list(range(30, 41))
+
+
 def test_frames_rejected_by_fits_are_left_out() -> None:
     region = np.array([False, True, True, False, True])
     used = np.array([True, False, True])

@@ -7,7 +7,7 @@ import pytest
 
 from evaluator.turning.measure import _path_rate
 from evaluator.turning.motion.curvature import Curvature
-from evaluator.turning.motion.fit import _channel_factor, fit_turn, fit_turns, part, scaled_poses
+from evaluator.turning.motion.fit import _channel_factor, _not_jumping, fit_turn, fit_turns, part, scaled_poses
 from evaluator.turning.motion.steady_motion import linearised, moved
 
 from .synthetic import matrix, winding_poses
@@ -117,6 +117,17 @@ def test_frames_that_jump_are_rejected_and_a_slow_bend_is_not() -> None:
     fit = fit_turn(np.arange(200) / 50, scaled_poses(pose, np.tile(1e-6 * np.eye(3), (200, 1, 1))))
     assert np.flatnonzero(~fit.used).tolist() == [90, 91, 92]
     assert fit.curvature().low < 1 / 3 < fit.curvature().high
+
+
+@pytest.mark.parametrize(
+    ("frames", "lasting", "is_jump"), [(12, 3, True), (12, 4, False), (200, 15, True), (200, 16, False)]
+)
+def test_what_lasts_for_half_of_the_neighbours_is_motion_and_no_jump(frames: int, lasting: int, is_jump: bool) -> None:
+    """Neighbours are 31 frames, of a short piece half of its frames and one."""
+    standard = 1e-3 * np.random.default_rng(9).normal(size=(frames, 2))
+    off = np.arange(frames // 2, frames // 2 + lasting)
+    standard[off] += 1.0
+    assert (~_not_jumping(standard)[off]).all() == is_jump
 
 
 def test_pieces_of_a_clothoid_have_the_mean_curvature_of_their_path_and_say_how_far_it_changes() -> None:
