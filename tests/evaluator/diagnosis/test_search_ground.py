@@ -157,3 +157,64 @@ def test_what_leads_goes_on_under_another_noise_and_a_set_without_a_form_with_it
     assert whole.runs == (0, 1, 2)
     leading = {frozenset({"lag", "proxy", FORM}), frozenset({"lag", FORM})}
     assert set(whole.fits) == {frozenset(), *leading, frozenset({"lag", "proxy"}), frozenset({"proxy"})}
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_a_search_on_ground_grows_settles_its_noise_and_exchanges_in_this_order(
+    monkeypatch: pytest.MonkeyPatch, *, long: bool
+) -> None:
+    """Noise changes once while sets grow and once afterwards; a long session is decided by more runs than searched."""
+    done: list[Any] = []
+    shares: list[float] = []
+    noise = iter([None, "second", None, "third", None])
+    runs = {"deciding": (0, 1, 2), "searched": (0, 1), "fitted": (0,)} if long else {"fitted": (0, 2)}
+
+    def begun(problem: Any, _: Any, terms: Any, tolerance: Any, chosen: Any) -> Any:
+        done.append(("null", problem, chosen))
+        assert (terms, tolerance) == ([], {})
+        return fit_of(frozenset())
+
+    def settled(search: Search, families: int) -> Search | None:
+        problem: Any = next(noise)
+        done.append(("settled", problem))
+        assert families == 2
+        return None if problem is None else search.anew(problem=problem, fits=dict(search.fits))
+
+    def under(search: Search, _: int, **changes: Any) -> Search:
+        done.append(("under", changes))
+        return search.anew(fits=dict(search.fits), **changes)
+
+    def noted(name: str) -> Any:
+        return lambda _search, _families, *rest: done.append((name, *rest))
+
+    for name in ("grow", "try_drives", "exchange", "_against_each"):
+        monkeypatch.setattr(search_ground, name, noted(name))
+    for name, function in (("fit_model", begun), ("_settled", settled), ("_under", under)):
+        monkeypatch.setattr(search_ground, name, function)
+    data = (None,) * (4 if long else 3)
+    for name in ("deciding", "searched", "fitted"):
+        monkeypatch.setattr(search_ground, f"{name}_runs", lambda _, name=name: runs.get(name, (0, 1, 2)))
+    problem: Any = SimpleNamespace(data=data)
+    ready: Any = SimpleNamespace(
+        problem=problem, terms=dict.fromkeys(NAMES), tolerance={}, start="start", own=frozenset({"lag"}), free=(1, 2)
+    )
+
+    def progress(_: str, share: float) -> None:
+        shares.append(share)
+
+    monkeypatch.setattr(Search, "null", property(lambda _: SimpleNamespace(point="null point")))
+    part, whole = search_ground.searched_on_ground(ready, progress)
+    order = [
+        ("null", problem, runs.get("searched", (0, 1, 2))),
+        *(("grow", 0, 1, 7), ("try_drives", 0), ("settled", None)),
+        *(("grow", 1, 2, 3), ("try_drives", 1), ("settled", "second")),
+        *(("grow", 2, 1, 3), ("settled", None)),
+        *(("exchange",), ("settled", "third"), ("exchange",), ("settled", None)),
+    ]
+    order += [("under", {"runs": (0, 1, 2)}), ("_against_each",)] if long else [("null", "third", (0, 2))]
+    assert done == order
+    assert (whole.problem, whole.runs, whole.asked) == ("third", (0, 1, 2), frozenset({"lag"}))
+    assert (part is whole) == long
+    assert part.runs == ((0, 1, 2) if long else (0, 2))
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1] < 1.0) == (0.1, True)
