@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -218,3 +219,71 @@ def test_a_search_on_ground_grows_settles_its_noise_and_exchanges_in_this_order(
     assert part.runs == ((0, 1, 2) if long else (0, 2))
     assert shares == sorted(shares)
     assert (shares[0], shares[-1] < 1.0) == (0.1, True)
+
+
+@pytest.mark.parametrize(
+    ("ranked", "failing", "rounds"),
+    [
+        ("ab ab", "", [("ab", "a", "b")]),
+        ("ab ab", "a", [("ab", "b")]),  # what cannot be fitted is not extended
+        ("ab cd cd", "", [("ab", "a", "b"), ("cd", "c", "d")]),
+        ("ab cd ab cd ab", "", [("ab", "a", "b"), ("cd", "c", "d"), ("ab", "a", "b")]),  # three times at most
+        ("abcd abcd", "", [("abc", "abd", "acd", "bcd")]),  # four effects are as many as a set has on ground
+    ],
+)
+def test_all_candidates_are_tried_in_place_of_each_effect_until_the_best_set_stays(
+    ranked: str, failing: str, rounds: list[tuple[str, ...]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, _ = search_of(monkeypatch)
+    names = ["".join(sorted(ids)) for ids in map(frozenset, ranked.split())]
+    answers = iter([item for pair in pairwise(names) for item in pair])
+    search.fits |= {frozenset(name): fit_of(frozenset(name)) for name in names}
+    search.steps = 70
+    fitted: list[tuple[frozenset[str], Any]] = []
+    extended: list[frozenset[str]] = []
+
+    def fit_set(_: Search, ids: frozenset[str], __: Any, origin: Any) -> Any:
+        fitted.append((ids, origin))
+        return None if ids == frozenset(failing) else origin
+
+    monkeypatch.setattr(search_ground, "_ranked", lambda *_: [frozenset(next(answers))])
+    monkeypatch.setattr(search_ground, "fit_set", fit_set)
+    monkeypatch.setattr(search_ground, "_extend_once", lambda _, ids: extended.append(ids))
+    exchange(search, 95)
+    assert sorted(map(sorted, extended)) == sorted(sorted(name) for one in rounds for name in one)
+    best = [frozenset(max(one, key=len)) if len(one) < 4 else frozenset("abcd") for one in rounds]
+    assert [origin for _, origin in fitted] == [search.fits[ids] for ids in best for _ in ids]
+    assert search.most_steps == 70 + search_ground.MOST_STEPS
+
+
+def test_noise_that_settles_is_that_of_the_best_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, _ = search_of(monkeypatch)
+    answers = iter([None, "settled"])
+    monkeypatch.setattr(search_ground, "_ranked", lambda *_: [frozenset("b"), frozenset("a")])
+    monkeypatch.setattr(
+        search_ground, "settled_noise", lambda _, ids: next(answers) if ids == frozenset("b") else "of another"
+    )
+    monkeypatch.setattr(search_ground, "_under", lambda _, families, **changes: (families, changes))
+    assert search_ground._settled(search, 95) is None
+    assert search_ground._settled(search, 95) == (95, {"problem": "settled"})
+
+
+@pytest.mark.parametrize(
+    ("gains", "helps"),
+    [
+        ({"": 1.0, "a": 1.0, "b": 1.0}, True),
+        ({"": -1.0, "a": 1.0, "b": 1.0}, False),
+        ({"": 1.0, "a": -1.0, "b": 1.0}, False),
+        ({"": 1.0, "a": 1.0, "b": 0.0}, False),
+        ({"": 1.0, "a": 1.0}, True),  # what was not fitted is not asked
+        ({"": 1.0, "c": -1.0}, True),  # nor what is no part of it
+    ],
+)
+def test_a_set_helps_that_predicts_better_than_the_null_and_than_itself_without_one_effect(
+    gains: dict[str, float], helps: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, _ = search_of(monkeypatch)
+    search.problem = cast("Any", SimpleNamespace(open_ground=True, data=()))
+    search.fits = {frozenset(name): cast("Any", name) for name in (*gains, "ab")}
+    monkeypatch.setattr(search_ground, "mean_gain", lambda _fit, other, *_: gains[cast("str", other)])
+    assert search_ground._helps(search, frozenset("ab")) == helps

@@ -97,9 +97,21 @@ def test_each_end_is_where_the_density_has_dropped_by_that_of_95_percent(monkeyp
     assert found.at == pytest.approx([LOW, low, MEAN, HIGH, high])
     np.testing.assert_allclose(found.best[:, 1], found.at)
     np.testing.assert_allclose(found.best[:, 2], (found.at - MEAN) ** 2, atol=1e-12)
+    assert found.follow(np.array([(LOW + low) / 2]))[0, 2] == pytest.approx(((LOW - MEAN) ** 2 + (low - MEAN) ** 2) / 2)
     middle = found.follow(np.array([(MEAN + HIGH) / 2, 2 * high - HIGH]))
     assert middle[0, 2] == pytest.approx((HIGH - MEAN) ** 2 / 2)
     assert middle[1, 2] == pytest.approx(2 * (high - MEAN) ** 2 - (HIGH - MEAN) ** 2)
+
+
+def test_an_end_is_known_to_a_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A density that drops evenly, by twice as much at the end: each estimate is the root of half the one before."""
+    found, tried = walked(
+        monkeypatch, lambda size: Z_975 * 2 * (size - MEAN) / SIGMA if size > MEAN else ((size - MEAN) / SIGMA) ** 2
+    )
+    assert found is not None
+    above = [(value - MEAN) / (HIGH - MEAN) for value in tried if value > MEAN]
+    assert above == pytest.approx([1.0, 0.5**0.5, 0.5**0.75])  # and then 0.545, by 8 % less
+    assert (found.high - MEAN) / (HIGH - MEAN) == pytest.approx(0.5**0.875)
 
 
 def test_an_end_moves_by_three_times_at_most_and_four_fits_are_made_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +125,7 @@ def test_an_end_beyond_a_bound_is_told_by_the_density_there(monkeypatch: pytest.
     """At 1.4, two fifths of 0.98 away, the density has dropped by what it would a sixteenth of as far."""
     found, tried = walked(monkeypatch, lambda size: ((size - MEAN) / SIGMA / 4) ** 2 if size > MEAN else 9.0, high=1.4)
     assert found is not None
-    assert max(tried) == pytest.approx(1.4)
+    assert [value for value in tried if value > MEAN] == pytest.approx([1.4])  # asked once
     assert (found.high - MEAN) / 0.4 == pytest.approx(3.0)  # not by more than three times
 
 
