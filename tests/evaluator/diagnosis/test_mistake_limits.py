@@ -38,6 +38,11 @@ def test_a_run_is_held_against_where_all_runs_see_the_marks(ratio: float, kind: 
     assert kinds(found) == ([("r3", kind)] if kind else [])
 
 
+def test_where_most_runs_are_beyond_a_fifth_the_robot_file_is_right() -> None:
+    found = wrong_scale([driven(number, scale=1.0 if number == 3 else 1.25) for number in range(8)], [ROBOT] * 8)
+    assert kinds(found) == [(f"r{number}", "wrong-robot") for number in range(8) if number != 3]
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("inch", 1 / 25.4), ("µm", 1e3)])
 def test_unit_is_recognised_within_a_seventeenth(unit: str, factor: float) -> None:
     for off, kind in ((1.05, "wrong-unit"), (0.95, "wrong-unit"), (0.92, "wrong-robot")):
