@@ -1,0 +1,172 @@
+"""What is linearized in a screening, from where sets are fitted, and how far a fit goes without new slopes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.inference import fit as fits
+from evaluator.diagnosis.inference import screening, strategy
+from evaluator.diagnosis.inference.fit import _carried_on, _line_search
+from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.screening import screen
+from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.point import Column, Point
+from simulator.effects.coordinates import Candidate, Coordinate
+
+NONE = frozenset[str]()
+
+
+def candidate(name: str, count: int, **more: Any) -> Candidate:
+    return Candidate(name, tuple(Coordinate("xyz"[k], 0.0, 1.0) for k in range(count)), dict, **more)
+
+
+PLAIN = candidate("plain", 2)
+SPOT = candidate("spot", 3, starts=((0.0, 3.0, 4.0), (2.0, 5.0, 6.0)))  # at the first it does not act
+STEPS = candidate("steps", 1, starts=((5.0,), (7.0,)), stepwise=True)
+
+
+class Model:
+    """A mixed model whose means of whole changes are those that are asked for."""
+
+    wanted: dict[int, float]
+
+    def __init__(self, runs: Any, prior: Any) -> None:
+        self.runs, self.prior = runs, prior
+
+    def given(self, base: tuple[int, ...]) -> Any:
+        self.base = base
+        return self
+
+    def posterior(self, extra: tuple[int, ...]) -> Any:
+        return SimpleNamespace(mean=np.array([self.wanted[extra[-1]]]))
+
+
+def test_a_screening_has_a_column_of_each_value_coordinate_and_place_at_which_an_effect_begins(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+    problem: Any = SimpleNamespace(linearized=lambda *given: asked.append(given) or "views")
+    tolerance = {"wheels.track_mm": 0.05, "body.mass_g": 0.0}
+    search = Search(problem, {"inside": PLAIN}, tolerance, (0, 2))
+    search.terms = {"plain": PLAIN, "spot": SPOT, "steps": STEPS}
+    monkeypatch.setattr(screening, "reduce_runs", lambda views: views)
+    monkeypatch.setattr(screening, "MixedModel", Model)
+    monkeypatch.setattr(Model, "wanted", {8: 1.0, 9: 0.4}, raising=False)
+    point: Any = "point"
+    view = screen(search, point, ("plain",), (PLAIN, SPOT, STEPS))
+    columns = (
+        Column("wheels.track_mm"),
+        *(Column("plain", 0, PLAIN), Column("plain", 1, PLAIN)),
+        Column("spot", 0, SPOT, (0.0, 3.0, 4.0)),  # of where it would act nothing else shows
+        *(Column("spot", k, SPOT, (2.0, 5.0, 6.0)) for k in range(3)),
+        Column("spot", 0, SPOT, to=(2.0, 5.0, 6.0)),
+        *(Column("steps", 0, STEPS, to=(5.0,)), Column("steps", 0, STEPS, to=(7.0,))),
+    )
+    assert view.columns == columns
+    assert asked == [("point", list(columns), (0, 2))]
+    assert view.base == (0, 1, 2)
+    assert view.model.prior.tolist() == pytest.approx([400.0, *[0.0] * 9])
+    assert view.offers == (("spot", (3,)), ("spot", (4, 5, 6)), ("steps", (8,)))  # of the last less than half is wanted
+    assert view.whole == {4: 7}
+
+
+class Promises:
+    """A screening that promises evidence by the places of its offers."""
+
+    offers = (("a", (0,)), ("b", (1,)), ("a", (2,)), ("c", (3,)), ("d", (4,)))
+    promised = (9.0, 7.0, 8.0, 5.0, 6.0)
+
+    def evidence(self, *offers: tuple[str, tuple[int, ...]]) -> float:
+        return sum(self.promised[place] for _, (place,) in offers)
+
+    def start_of(self, offer: tuple[str, tuple[int, ...]]) -> tuple[float, ...]:
+        return (self.promised[offer[1][0]],)
+
+
+def searching(**more: Any) -> Search:
+    null = SimpleNamespace(point=Point(np.zeros((2, 7))), terms=NONE, steps=1, converged=True, excess=9.0)
+    null.posterior = SimpleNamespace(log_evidence=0.0)
+    terms: Any = {name: SimpleNamespace(stepwise=name in "cd") for name in "abcd"}
+    problem: Any = SimpleNamespace(open_ground=False, horizon_s=np.inf)
+    return Search(problem, terms, {}, (0, 1), fits={NONE: null, **more})  # type: ignore[dict-item]
+
+
+def test_what_the_file_of_the_robot_promises_is_fitted_from_there_unless_it_is_fitted_already(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The three best effects, and of these the places of all that were not fitted, smooth ones alone."""
+    screened: list[Any] = []
+    asked: list[Any] = []
+    monkeypatch.setattr(strategy, "screen", lambda *given: screened.append(given) or Promises())
+    monkeypatch.setattr(strategy, "replace", lambda fit, point: (fit, point))
+    monkeypatch.setattr(strategy, "_refit", lambda *given: asked.append(given[2:]))
+    search, nominal = searching(), Point(np.ones((2, 7)))
+    search.fits[frozenset("b")] = search.null
+    strategy._from_the_nominal(search, nominal)
+    assert screened == [(search, nominal, (), [search.terms["a"], search.terms["b"]])]
+    assert asked == [([(("a", (0,)),), (("a", (2,)),), (("d", (4,)),)], 3, (search.null, nominal))]
+
+
+def test_whole_changes_are_fitted_from_the_file_of_the_robot_the_two_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    screened: list[Any] = []
+    asked: list[Any] = []
+    monkeypatch.setattr(strategy, "screen", lambda *given: screened.append(given) or Promises())
+    monkeypatch.setattr(strategy, "replace", lambda fit, point: (fit, point))
+    monkeypatch.setattr(strategy, "fit_set", lambda *given: asked.append(given[1:]))
+    search, nominal = searching(), Point(np.ones((2, 7)))
+    strategy._fit_whole_changes(search, nominal)
+    assert screened == [(search, nominal, (), [search.terms["c"], search.terms["d"]])]
+    assert asked == [
+        (frozenset("a"), {"a": (9.0,)}, (search.null, nominal)),
+        (frozenset("a"), {"a": (8.0,)}, (search.null, nominal)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("promised", "better", "seen", "reached"),
+    [
+        ([1.1], "", 2, 0.0),  # more than a tenth of what was promised before: slopes are wrong
+        ([0.9, 0.1], "y", 2, 1.0),
+        ([0.9, 0.08], "n", 2, 0.0),  # no better there
+        ([0.9, 0.21, 0.1], "yy", 2, 1.0),  # more than a tenth of 0.9
+        ([4.0, 0.39, 0.3], "yy", 2, 2.0),
+        ([0.19], "", 2, 0.0),  # settled
+        ([0.9], "", 1, 0.0),  # a run cannot be simulated
+    ],
+)
+def test_a_fit_goes_on_with_its_slopes_while_a_tenth_is_promised_of_what_was_promised_before(
+    promised: list[float], better: str, seen: int, reached: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = 10.0 if promised[0] < 4.0 else 50.0
+    coming, answers, shares = iter(promised), iter(better), []
+
+    def line_search(_: Any, before: Any, __: Any, dampings: Any) -> tuple[Point, bool]:
+        shares.append(dampings)
+        place = before.point
+        return Point(place.per_run + 1.0), next(answers) == "y"
+
+    start = Point(np.zeros((2, 7)))
+    fit = Fit(NONE, start, (), SimpleNamespace(), SimpleNamespace(), ("one", "two"), False, (0, 1))  # type: ignore[arg-type]
+    views = ["one", "two"] if seen == 2 else ["one", None]
+    problem: Any = SimpleNamespace(per_run_steps=np.ones(7), seen_again=lambda *_: views)
+    monkeypatch.setattr(fits, "secant", lambda *given: given[1])
+    monkeypatch.setattr(fits, "reduce_runs", lambda given: given)
+    monkeypatch.setattr(fits, "_optimum", lambda *_: SimpleNamespace(predicted=next(coming)))
+    monkeypatch.setattr(fits, "_line_search", line_search)
+    optimum: Any = SimpleNamespace(predicted=first)
+    found = _carried_on(problem, fit, optimum, start, {}, np.array(np.inf))
+    assert found.per_run[0, 0] == reached
+    assert set(shares) <= {(1.0,)}
+
+
+def test_a_search_can_be_stopped_between_two_trials_of_a_step() -> None:
+    def look() -> None:
+        raise KeyboardInterrupt
+
+    problem: Any = SimpleNamespace(watch=SimpleNamespace(look=look))
+    with pytest.raises(KeyboardInterrupt):
+        _line_search(problem, SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
