@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator import comparison
 from evaluator.comparison import (
     BESIDE,
     _simulated_from,
@@ -179,6 +180,17 @@ def test_run_that_does_not_start_at_rest_has_the_speed_of_its_command_at_its_fir
     assert (seen.x_mm[0], seen.y_mm[0], seen.heading_rad[0]) == pytest.approx((3.0, -2.0, 0.7), abs=1e-6)
     again = simulated_poses(barrel(), told, seen)[1]  # of the moving robot: 0.03 mm a frame
     assert trajectory_gap(seen, again)["gap_rms_mm"] < 1e-3
+
+
+def test_speed_of_a_robot_in_motion_is_that_of_its_command_at_the_first_pose_by_its_own_clock(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(comparison, "moving_state", lambda *given: asked.append(given[2:]) or given[2])
+    robot = barrel({"id": "time-base", "factor": 1.25})
+    told = RunCommand(Command.constant(33.0, 20.0, -1.0), starts_at_rest=False)
+    _simulated_from(State(1.0, 2.0, 0.3), robot, told, moving(0.5), 4)
+    assert asked == [(State(1.0, 2.0, 0.3), pytest.approx(0.4), 4)]
 
 
 def test_counterpart_is_read_by_the_same_estimator() -> None:

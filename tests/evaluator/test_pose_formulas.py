@@ -342,3 +342,19 @@ def test_how_well_a_mark_is_known_where_frames_are_refused_does_not_count_in_its
     marks.loc[odd, ["yellow_x_sigma_mm", "yellow_y_sigma_mm"]] = 1.0
     alone = poses_from_marks(marks[~odd], LOPSIDED)
     np.testing.assert_allclose(poses_from_marks(marks, LOPSIDED).x_mm[~odd], alone.x_mm)
+
+
+def test_poses_in_a_line_say_how_many_when_and_from_where_to_where() -> None:
+    x, nothing = np.array([np.nan, 1.0, 2.0, 3.0, np.nan]), np.full((5, 3, 3), np.nan)
+    poses = Poses(np.arange(5) / 2, x, 2 * x, 0 * x, nothing, np.full(5, "ok"))
+    assert repr(poses) == "Poses(frames 5, with a pose 3, time 0 to 2 s, from (1.00, 2.00) mm, to (3.00, 6.00) mm)"
+    assert "<tr><th>to</th><td>(3.00, 6.00) mm</td></tr>" in poses._repr_html_()
+    none = Poses(np.arange(5) / 2, np.nan * x, x, x, nothing, np.full(5, "absent"))
+    assert repr(none) == "Poses(frames 5, with a pose 0)"
+
+
+def test_places_of_marks_are_attributes_by_their_keys_of_the_robot_file() -> None:
+    assert LOPSIDED.green_mm == (2.0, 1.0)
+    for name in ("green", "blue_mm", "height"):
+        with pytest.raises(AttributeError, match=name):
+            getattr(LOPSIDED, name)

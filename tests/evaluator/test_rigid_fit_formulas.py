@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.frames import plate_from_body
-from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points
+from evaluator.rigid_fit import fitted_poses, learnt_places, odd_points, pose_jacobian
 from evaluator.robust import robust_sigma
 
 PLACES = np.array([[0.0, 0.0], [4.0, 0.0], [2.0, 10.0]])
@@ -84,3 +84,13 @@ def test_a_usual_distance_needs_three_frames(frames: int, *, known: bool) -> Non
 def test_robust_sigma_of_a_gaussian_is_its_standard_deviation() -> None:
     quantiles = [NormalDist(5.0, 3.0).inv_cdf((k + 0.5) / 999) for k in range(999)]
     assert robust_sigma(np.array(quantiles)) == pytest.approx(3.0, rel=2e-3)
+
+
+def test_a_frame_without_a_heading_has_no_derivatives_and_an_unseen_point_none_of_its_own() -> None:
+    places = np.array([[1.0, 0.0], [-1.0, 0.5], [0.0, -2.0]])
+    points = np.tile(places, (3, 1, 1))
+    points[1, 2] = np.nan
+    found = pose_jacobian(points, np.array([0.0, 0.0, np.nan]), places, np.full(3, 1 / 3))
+    assert np.isfinite(found[:2]).all()
+    assert found[1, 2].tolist() == [[0.0, 0.0]] * 3
+    assert np.isnan(found[2]).all()
