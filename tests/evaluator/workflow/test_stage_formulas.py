@@ -104,21 +104,21 @@ def test_motors_that_stop_before_a_recording_begins_are_a_fault_of_every_kind_of
     )
     monkeypatch.setattr("evaluator.workflow.runs.phases.start_by_motion", lambda *_: "; so")
     marks, given = a_run(marks=Path("own.csv"), stop=stop), a_run(poses=Path("p.csv"), stop=stop)
-    assert bool(checks._outside(marks)) is fault
-    assert str(checks._outside(given)).endswith("commanded off; so") is fault
-    assert (checks._outside(given) is None) is not fault
-    assert checks._outside(a_run(marks=Path("other.csv"), stop=0.0)) is None
+    assert bool(checks._outside(marks, {})) is fault
+    assert str(checks._outside(given, {})).endswith("commanded off; so") is fault
+    assert (checks._outside(given, {}) is None) is not fault
+    assert checks._outside(a_run(marks=Path("other.csv"), stop=0.0), {}) is None
     for length, stopped, early in ((5.0, -1.0, True), (5.0, 0.5, False), (None, -1.0, False)):
         monkeypatch.setattr(
             "evaluator.recording.open_recording", lambda *_, length=length, **__: SimpleNamespace(expected_s=length)
         )
-        assert bool(checks._outside(a_run(video=Path("v.mp4"), stop=stopped))) is early
+        assert bool(checks._outside(a_run(video=Path("v.mp4"), stop=stopped), {})) is early
 
     def unreadable(_: Path) -> None:
         raise InputError("no table")
 
     monkeypatch.setattr("evaluator.marks.read_marks", unreadable)
-    assert checks._outside(marks) is None  # reported for the file itself
+    assert checks._outside(marks, {}) is None  # reported for the file itself
 
 
 def test_recordings_have_the_size_of_their_camera(monkeypatch: pytest.MonkeyPatch) -> None:
