@@ -13,7 +13,7 @@ from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
-from evaluator.diagnosis.likelihood.run_data import START_POSE, Values
+from evaluator.diagnosis.likelihood.run_data import Values
 from simulator.effects.coordinates import Candidate
 
 # Prior of no, one, two, three effects: half of the laboratories that run a diagnosis have one, fewer have more.
@@ -121,9 +121,8 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
     if fit is None or not (fit.converged or lags):
         # from implausible friction and gains, which conceal a misfit, no step may improve
-        without_scatter = origin.point.per_run.copy()
-        without_scatter[:, START_POSE:] = 0.0
-        usual = _fit_from(search, Point(without_scatter, {}, values), smooth, fixed, USUAL_SCATTER, rival)
+        begin = replace(origin.point.without_scatter(), nominal={}, terms=values)
+        usual = _fit_from(search, begin, smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:
             again = _fit_from(search, usual.point, smooth, fixed, rival=rival)
             usual = again if again is not None and again.converged else usual

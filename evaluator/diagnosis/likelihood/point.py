@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.known_to import START
-from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, Task, is_shared
+from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, START_POSE, Task, is_shared
 from simulator.effects.coordinates import Candidate
 
 Floats = NDArray[np.float64]
@@ -69,6 +69,12 @@ class Point:
         absent = {column.key: column.term.absent for column in columns if column.term is not None}
         kept = {effect: values for effect, values in self.terms.items() if values != absent.get(effect)}
         return self if len(kept) == len(self.terms) else replace(self, terms=kept)
+
+    def without_scatter(self) -> Point:
+        """The point with the start poses of all runs, but the nominal friction, gains and starts of the motors."""
+        per_run = self.per_run.copy()
+        per_run[:, START_POSE:] = 0.0
+        return replace(self, per_run=per_run)
 
     def moved(self, column: Column, amount: float) -> Point:
         """The point with one common parameter changed by amount, or to column.to if given."""

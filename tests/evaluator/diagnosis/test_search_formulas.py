@@ -220,10 +220,15 @@ class Promises:
         return self.promised.get("".join(sorted(name for name, _ in offers)), 100.0)
 
 
+def placed(fit: Any, point: Point) -> Any:
+    return SimpleNamespace(**{**vars(fit), "point": point})
+
+
 def test_what_is_promised_two_and_more_is_fitted_the_best_first(monkeypatch: pytest.MonkeyPatch) -> None:
     view = Promises({"a": 101.9, "b": 102.1, "c": 109.0, "ab": 112.0, "ac": 110.9, "bc": 120.0})
     asked: list[tuple[list[str], int]] = []
     monkeypatch.setattr(strategy, "screen", lambda *_: view)
+    monkeypatch.setattr(strategy, "replace", placed)
     monkeypatch.setattr(
         strategy,
         "_refit",
@@ -232,13 +237,44 @@ def test_what_is_promised_two_and_more_is_fitted_the_best_first(monkeypatch: pyt
     search = searching(fits={NONE: of(0.0)})
     search.terms = dict.fromkeys("abcdefghi", LINE)
     strategy.extend(search, NONE)
-    assert asked[-1] == (["c", "b"], 3)
+    assert asked[1:] == 2 * [(["c", "b"], 3)]  # with the friction of the fit, and with nominal friction
     asked.clear()
     strategy._from_the_null(search)  # every single one in its order, and pairs that gain over either of their effects
     assert asked[1:] == [(["c", "b", "a"], 7), (["cb", "ba"], 2)]
     search.problem.horizon_s = 2.5
     strategy._from_the_null(search)
     assert asked[-2] == (["c", "b", "a"], 9)  # over a short horizon every single effect
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "open_ground", "looks"), [(np.inf, False, 2), (2.5, False, 1), (np.inf, True, 1)]
+)
+def test_an_addition_that_friction_and_gains_of_the_fit_hide_is_fitted_without_them(
+    horizon_s: float, open_ground: bool, looks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = iter([Promises({"a": 101.0, "b": 103.0}), Promises({"a": 121.0, "b": 109.0, "c": 101.9})])
+    seen: list[Point] = []
+    fitted: list[tuple[frozenset[str], Point]] = []
+    monkeypatch.setattr(strategy, "screen", lambda _, point, *__: seen.append(point) or next(views))
+    monkeypatch.setattr(Promises, "start_of", lambda *_: (), raising=False)
+
+    def fit_set(search: Search, ids: frozenset[str], _: object, origin: Any, __: float) -> None:
+        fitted.append((ids, origin.point))
+        search.fits[ids] = of(0.0)
+
+    monkeypatch.setattr(strategy, "fit_set", fit_set)
+    monkeypatch.setattr(strategy, "replace", placed)
+    search = searching(fits={NONE: of(0.0, excess=9.0)})
+    search.terms = dict.fromkeys("abc", LINE)
+    search.problem.horizon_s, search.problem.open_ground = horizon_s, open_ground
+    strategy.extend(search, NONE)
+    assert len(seen) == looks
+    assert [ids for ids, _ in fitted] == [frozenset("b"), A][:looks]
+    poses, scatter = np.split(seen[-1].per_run, [3], axis=1)
+    assert poses.all()
+    assert scatter.any() == (looks == 1)
+    assert seen[-1].nominal == {"key": 1.0}
+    assert fitted[-1][1] is seen[-1]
 
 
 def test_the_best_two_effects_and_the_best_pair_are_extended_if_they_do_not_lag(
