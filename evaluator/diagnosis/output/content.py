@@ -45,11 +45,11 @@ class EffectContent(TypedDict):
 
     id: str  # as in [[effect]] of robot.toml, or "free-form"
     name: str  # in words
-    parameters: dict[str, Bounded]  # by parameter of the effect; if it is not fitted: RMS disagreement by quantity
+    parameters: dict[str, Bounded]  # intervals allow for a further effect that gains too little to be named
     equivalent: list[str]  # ids of effects that these runs cannot distinguish from it, most similar first
     probability: float  # that the effect is present, given the runs and all sets of effects that were compared
     terms: NotRequired[list[TermContent]]  # of a free-form effect
-    fitted: NotRequired[bool]  # false: no term was fitted; the disagreement itself is described
+    fitted: NotRequired[bool]  # false: no term was fitted; parameters are the RMS disagreement by quantity
 
 
 class ChangesContent(TypedDict):

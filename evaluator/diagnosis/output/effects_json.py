@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.cross_validation import covariance_over_commands
 from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squares
-from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, is_free
+from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, is_free
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.output.content import Bounded, EffectContent
 from evaluator.diagnosis.result import Diagnosis
@@ -22,6 +23,8 @@ from simulator.effects.coordinates import Candidate
 Floats = NDArray[np.float64]
 
 DRAWS = 4000  # a bound of 95 % is then known to 4 % of a standard deviation
+# Largest share of the draws for sets with a further effect, and fewest draws of one: fewer move no end of an interval.
+MOST_BESIDE, FEWEST_DRAWS = 0.5, DRAWS // 40
 DRAW_SEED = 20120612  # fixed: the same input gives the same intervals
 
 
@@ -121,17 +124,44 @@ def parameters(diagnosis: Diagnosis, term: Candidate) -> dict[str, Bounded]:
 
 def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats]:
     """Joint draws of all physical parameters of some terms of the chosen set, by name, (DRAWS,) each."""
-    fit = diagnosis.fit
-    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), _covariance(diagnosis)
+    parts = [_drawn_from(diagnosis, ids, count, terms) for ids, count in _sets_drawn(diagnosis).items()]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _sets_drawn(diagnosis: Diagnosis) -> dict[Set, int]:
+    """The chosen set, and sets with a further named effect that does not gain enough to be named; numbers of draws.
+
+    The further effect, if it acts, moves the chosen ones: without this, four of 70 intervals from untidy laboratories
+    missed the truth because of an effect that was not named. Sets count by their probability, the chosen one with at
+    least half. Not on open ground, where intervals include the scatter between commands.
+    Source: Hoeting, Madigan, Raftery & Volinsky (1999), Statistical Science 14, 382.
+    """
+    search, standing, chosen = diagnosis.search, diagnosis.standing, diagnosis.chosen
+    assert search is not None
+    if standing is None or search.problem.open_ground:
+        return {chosen: DRAWS}
+    wider = [ids for ids in standing.sets if ids > chosen and not any(map(is_free, ids - chosen))]
+    wider = [ids for ids in wider if may_be_right(search, ids)]
+    shares = {ids: standing.share_of([ids], [chosen, *wider]) for ids in wider}
+    scale = min(1.0, MOST_BESIDE / max(sum(shares.values()), MOST_BESIDE))
+    counts = {ids: round(DRAWS * scale * share) for ids, share in shares.items()}
+    counts = {ids: count for ids, count in counts.items() if count >= FEWEST_DRAWS}
+    return {chosen: DRAWS - sum(counts.values()), **counts}
+
+
+def _drawn_from(diagnosis: Diagnosis, ids: Set, count: int, terms: Sequence[Candidate]) -> dict[str, Floats]:
+    """Joint draws from the posterior of one fitted set, by name, (count,) each."""
+    assert diagnosis.search is not None
+    fit = diagnosis.search.fits[ids]
+    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), _covariance(diagnosis, fit)
     # the covariance includes the uncertainty of the scatter between runs, except the tails of Student's t; it may be
     # slightly indefinite by rounding if two effects are almost equivalent, which is not an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
-        mean, covariance, DRAWS, check_valid="ignore", method="svd"
+        mean, covariance, count, check_valid="ignore", method="svd"
     )
     for term in terms:
-        if term.id in diagnosis.profiles:
+        if ids == diagnosis.chosen and term.id in diagnosis.profiles:
             draws = diagnosis.profiles[term.id].transform(draws, mean, covariance)
-    assert diagnosis.search is not None
     for i, reach in silent_reaches(diagnosis.search.problem, fit).items():
         draws[:, i] = np.minimum(draws[:, i], mean[i] + reach)
     found: dict[str, Floats] = {}
@@ -142,9 +172,9 @@ def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats
     return found
 
 
-def _covariance(diagnosis: Diagnosis) -> Floats:
-    """Covariance of the parameters of the chosen set; on open ground it includes the scatter between commands."""
-    search, fit = diagnosis.search, diagnosis.fit
+def _covariance(diagnosis: Diagnosis, fit: Fit) -> Floats:
+    """Covariance of the parameters of a fit; on open ground it includes the scatter between commands."""
+    search = diagnosis.search
     assert search is not None
     if not search.problem.open_ground:
         return fit.posterior.covariance

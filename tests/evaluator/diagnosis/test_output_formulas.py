@@ -41,8 +41,10 @@ def fitted(item: Candidate, values: tuple[float, ...], covariance: np.ndarray, *
         point=Point(np.zeros((1, 7)), terms={item.id: values}),
         posterior=SimpleNamespace(covariance=covariance),
     )
-    search = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
-    return SimpleNamespace(**{"fit": fit, "profiles": {}, "search": search, **more})
+    chosen = frozenset({item.id})
+    search = SimpleNamespace(problem=SimpleNamespace(open_ground=False), fits={chosen: fit})
+    known = {"fit": fit, "profiles": {}, "search": search, "chosen": chosen, "standing": None}
+    return SimpleNamespace(**known | more)
 
 
 def test_a_parameter_has_the_interval_of_its_draws_within_its_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,6 +60,33 @@ def test_a_parameter_has_the_interval_of_its_draws_within_its_bounds(monkeypatch
     found.profiles = {"effect": SimpleNamespace(transform=lambda draws, mean, _: mean + 2 * (draws - mean))}
     monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
     assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.3 + 0.392, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("beside", "log_odds", "low", "high"),
+    [
+        ("other", -5.0, 1.0 - 0.196, 1.0 + 0.196),  # 27 of 4000 draws would be of that set
+        ("other", -3.0, 1.0 - 0.192, 2.0 - 0.007),  # 190 draws, of which 100 are above the end
+        ("other", 7.0, 1.0 - 0.1645, 2.0 + 0.1645),  # half of all
+        ("free:drag.u", 7.0, 1.0 - 0.196, 1.0 + 0.196),
+        ("refused", 7.0, 1.0 - 0.196, 1.0 + 0.196),
+    ],
+)
+def test_an_interval_holds_the_value_beside_a_further_effect_that_gains_too_little_to_be_named(
+    beside: str, log_odds: float, low: float, high: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    item = term("effect", Coordinate("first", 0.0, 0.01))
+    found, wider = fitted(item, (1.0,), 0.01 * np.eye(1)), frozenset({"effect", beside})
+    found.search.fits[wider] = fitted(item, (2.0,), 0.01 * np.eye(1)).fit
+    found.standing = Standing((wider, found.chosen), np.array([log_odds, 0.0]))
+    monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
+    monkeypatch.setattr(effects_json, "may_be_right", lambda _, ids: "refused" not in ids)
+    said = effects_json.parameters(found, item)["first"]
+    assert said == pytest.approx({"value": 1.0, "low": low, "high": high}, abs=0.02)
+    found.search.problem.open_ground, found.search.problem.data = True, ()
+    monkeypatch.setattr(effects_json, "covariance_over_commands", lambda *_: 0.01 * np.eye(1))
+    found.search.tolerance = {}
+    assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.196, abs=0.02)
 
 
 def test_on_open_ground_an_interval_is_that_over_commands(monkeypatch: pytest.MonkeyPatch) -> None:
