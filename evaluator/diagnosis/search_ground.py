@@ -95,17 +95,18 @@ def try_drives(search: Search, families: int, size: int) -> None:
     best = next((ids for ids in _ranked(search, families) if len(ids) == size and _is_of_drive(ids)), None)
     if best is not None:
         untried = [effect for effect in search.terms if effect not in best and best | {effect} not in search.fits]
-        drives = [effect for effect in untried if _acts_on_drive(effect) and not (best and is_free(effect))]
+        drives = [effect for effect in untried if acts_on_drive(effect) and not (best and is_free(effect))]
         extend(search, best, drives, len(drives))
 
 
-def _acts_on_drive(effect: str) -> bool:
+def acts_on_drive(effect: str) -> bool:
+    """Whether an effect or a free-form term changes the speeds of the wheels at given commands."""
     return DRIVE in effect if is_free(effect) else EFFECTS[effect].kind == "command"
 
 
 def _is_of_drive(ids: Set) -> bool:
     """Whether a set has only named effects of the drive."""
-    return not any(map(is_free, ids)) and all(map(_acts_on_drive, ids))
+    return not any(map(is_free, ids)) and all(map(acts_on_drive, ids))
 
 
 def exchange(search: Search, families: int) -> None:

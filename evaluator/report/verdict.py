@@ -17,6 +17,7 @@ from evaluator.report.diagnosis.words import (
     as_sentence,
     closes,
     equivalents_sentence,
+    exact_frictions_sentence,
     gap_sentence,
     in_words,
     left_out_sentence,
@@ -59,6 +60,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     lines += [
         rivals_sentence(content),
         not_tried_sentence(content),
+        exact_frictions_sentence(content),
         next_runs_sentence(content),
         separations_sentence(content),
     ]

@@ -246,5 +246,6 @@ class DiagnosisContent(TypedDict):
     nominal: NotRequired[dict[str, NominalContent]]  # by dotted key of robot.toml
     shared_errors_sigmas: NotRequired[dict[str, Number] | None]  # fitted errors common to all runs, over their sigmas
     not_tried: NotRequired[list[str]]  # effects that these runs cannot show: of the plate, or from run to run
+    exact_frictions: NotRequired[list[str]]  # without a tolerance, of which sizes of the found effects depend
     own_effects: NotRequired[dict[str, str]]  # effects of the user that were tried: file by id
     changed_meanwhile: NotRequired[list[str]]  # input files that changed during the diagnosis

@@ -35,8 +35,10 @@ from evaluator.diagnosis.output.content import (
 from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
 from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.diagnosis.result import Diagnosis
+from evaluator.diagnosis.search_ground import acts_on_drive
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
+FRICTIONS = ("slip.longitudinal_friction", "slip.lateral_friction")
 Floats = NDArray[np.float64]
 
 
@@ -81,6 +83,7 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
         "not_tried": _not_tried(diagnosis.session),
+        "exact_frictions": _exact_frictions(diagnosis),
     }
 
 
@@ -145,6 +148,17 @@ def _not_tried(session: Session) -> list[str]:
     hidden = {effect for effect in asked if EFFECTS[effect].of_plate and not session.one_frame}
     hidden |= {effect for effect in asked if EFFECTS[effect].varies_by_run and not session.commands_recur}
     return sorted(hidden)
+
+
+def _exact_frictions(diagnosis: Diagnosis) -> list[str]:
+    """Frictions without a tolerance, where an effect of the drive was found on open ground.
+
+    Their ratio determines the yaw rate that a difference of the wheel speeds gives: a wrong one passes to the drive.
+    """
+    search = diagnosis.search
+    if search is None or not search.problem.open_ground or not any(map(acts_on_drive, diagnosis.chosen)):
+        return []
+    return [key for key in FRICTIONS if key not in diagnosis.session.tolerance]
 
 
 def _together(diagnosis: Diagnosis) -> KnownTogetherContent | None:

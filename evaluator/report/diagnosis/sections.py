@@ -15,6 +15,7 @@ from evaluator.report.diagnosis.words import (
     closes,
     effect_words,
     equivalents_sentence,
+    exact_frictions_sentence,
     gap_sentence,
     in_words,
     left_out_sentence,
@@ -169,6 +170,7 @@ def _small_print(content: Json) -> Section | None:
     text += unlike_sentences(content)
     text.append(left_out_sentence(content))
     text.append(not_tried_sentence(content))
+    text.append(exact_frictions_sentence(content))
     rows = tuple(
         (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
         for key, item in nominal.items()

@@ -128,6 +128,18 @@ def not_tried_sentence(content: Json) -> str:
     return " ".join(f"{reason} were not tested: {', '.join(those)}." for reason, those in reasons if those)
 
 
+def exact_frictions_sentence(content: Json) -> str:
+    """What follows from frictions that count as exact; empty where no size depends on them."""
+    keys = content.get("exact_frictions") or []
+    if not keys:
+        return ""
+    return (
+        "The ratio of the frictions along and across the wheels determines the yaw rate at a given difference of the "
+        "wheel speeds. It counts as exact; if it is not, the speeds found for the turning drive are wrong by as much: "
+        f"state what is known in [tolerance] of robot.toml ({', '.join(keys)}; of open ground about 0.3)."
+    )
+
+
 def rivals_sentence(content: Json) -> str:
     """The best rival that is more probable than the verdict, but is not the answer, and why; empty without one.
 

@@ -51,7 +51,8 @@ def test_without_a_fit_there_are_the_mistakes_and_empty_lists() -> None:
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts with tests of their own, each by its name."""
-    for name in ("effects", "_gap", "rivals", "next_experiment", "unlike", "_noise", "_nominal", "_shared"):
+    plain = ("effects", "rivals", "next_experiment", "unlike")
+    for name in (*plain, "_gap", "_noise", "_nominal", "_shared", "_exact_frictions"):
         monkeypatch.setattr(diagnosis_json, name, lambda _, name=name: name)
     monkeypatch.setattr(diagnosis_json, "_where", lambda _, apart: ["where", len(apart)])
     monkeypatch.setattr(diagnosis_json, "effect_content", lambda _, effect: {"id": effect, "parameters": {"x": 1}})
@@ -87,6 +88,7 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     )  # fmt: skip
     whole = {"effects": "effects", "gap": "_gap", "rivals": "rivals", "next_experiment": "next_experiment"}
     whole |= {"unlike_runs": "unlike", "noise": "_noise", "nominal": "_nominal", "shared_errors_sigmas": "_shared"}
+    whole |= {"exact_frictions": "_exact_frictions"}
     assert {name: found[name] for name in whole} == whole
     assert found["where"] == ["where", 1]
     assert found["negligible"] == [
@@ -142,6 +144,24 @@ def test_effects_that_runs_cannot_show_are_those_of_the_plate_without_a_frame_an
     assert diagnosis_json._not_tried(session) == sorted(
         (set() if one_frame else of_plate) | (set() if recur else by_run)
     )
+
+
+@pytest.mark.parametrize(
+    ("ground", "chosen", "stated", "said"),
+    [
+        (True, {"speed-limit"}, (), ["longitudinal", "lateral"]),
+        (True, {"free:left_drive.right_command", "scrub-torque"}, ("slip.lateral_friction",), ["longitudinal"]),
+        (True, {"speed-limit"}, diagnosis_json.FRICTIONS, []),
+        (True, {"scrub-torque"}, (), []),  # not of the drive
+        (False, {"speed-limit"}, (), []),
+    ],
+)
+def test_frictions_that_count_as_exact_are_named_where_the_size_of_a_drive_depends_on_them(
+    ground: bool, chosen: set[str], stated: tuple[str, ...], said: list[str]
+) -> None:
+    problem, session = SimpleNamespace(open_ground=ground), SimpleNamespace(tolerance=dict.fromkeys(stated, 0.3))
+    found: Any = SimpleNamespace(search=SimpleNamespace(problem=problem), chosen=chosen, session=session)
+    assert diagnosis_json._exact_frictions(found) == [f"slip.{way}_friction" for way in said]
 
 
 def unknown(**more: Any) -> Any:

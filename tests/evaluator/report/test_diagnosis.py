@@ -253,6 +253,16 @@ def test_effects_that_these_runs_cannot_show_are_told_with_the_reason() -> None:
     assert "  ahead_rpm = ∞  [95 %: 51.7 to ∞]" in verdict_lines(content)
 
 
+def test_what_follows_from_exact_frictions_is_told_with_their_keys() -> None:
+    (told,) = [
+        line
+        for line in verdict_lines({**CONTRACT, "reason": "so", "exact_frictions": ["slip.a", "slip.b"]})
+        if "counts as exact" in line
+    ]
+    assert told.endswith("[tolerance] of robot.toml (slip.a, slip.b; of open ground about 0.3).")
+    assert not any("counts as exact" in line for line in verdict_lines({**CONTRACT, "reason": "so"}))
+
+
 def test_runs_that_are_unlike_the_others_are_told_beside_the_verdict() -> None:
     sentence = "r08, r09: the left wheels turn 1.5 % faster than in the other runs"
     lines = verdict_lines({**CONTRACT, "reason": "so", "unlike_runs": [{"runs": ["r08", "r09"], "sentence": sentence}]})
