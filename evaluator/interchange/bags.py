@@ -15,9 +15,9 @@ time at which it was recorded. Reading needs rosbags (pip install 'turnscope[ros
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from evaluator.errors import InputError
 
 Array = NDArray[np.float64]
+Row = TypeVar("Row")
 S_PER_NS = 1e-9
 BAGS = (".mcap", ".bag", ".db3")
 METADATA = "metadata.yaml"  # of a rosbag2 folder
@@ -56,12 +57,12 @@ def read_commands(path: Path, topics: Topics) -> tuple[Array, Array]:
 
     Raises InputError for a missing topic, or one that does not determine the wheel speeds.
     """
-    rows = []
-    for kind, at_s, message in _messages(path, topics.topic, COMMANDS, "topic"):
-        where = f"{path}: {topics.topic or f'the topic of type {kind}'}"
-        rows.append((at_s, *COMMANDS[kind](message, topics, where)))
-    found = np.array(sorted(rows, key=lambda row: row[0]), dtype=float)
-    return found[:, 0], found[:, 1:]
+
+    def sides(kind: str, message: Any) -> tuple[float, float]:
+        return COMMANDS[kind](message, topics, f"{path}: {topics.topic or f'the topic of type {kind}'}")
+
+    rows = _rows(path, topics.topic, COMMANDS, "topic", sides)
+    return np.array([at_s for at_s, _ in rows]), np.array([found for _, found in rows])
 
 
 def read_trajectory(path: Path, topics: Topics) -> tuple[Array, Array, Array]:
@@ -69,39 +70,43 @@ def read_trajectory(path: Path, topics: Topics) -> tuple[Array, Array, Array]:
 
     Heading: of the body's x axis over the plane of x and y. Raises InputError as read_commands does.
     """
-    rows = [
-        (at_s, *_pose(POSES[kind](message)))
-        for kind, at_s, message in _messages(path, topics.poses_topic, POSES, "poses_topic")
-    ]
-    rows.sort(key=lambda row: row[0])
-    return (np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))
+    rows = _rows(path, topics.poses_topic, POSES, "poses_topic", lambda kind, message: _pose(POSES[kind](message)))
+    poses, covariances = zip(*(found for _, found in rows), strict=True)
+    return np.array([at_s for at_s, _ in rows]), np.array(poses), np.array(covariances)
 
 
-def _messages(path: Path, topic: str | None, known: dict[str, Any], key: str) -> Iterator[tuple[str, float, Any]]:
-    """Kind, time and content of every message of a topic. Raises InputError if there are none."""
+def _rows(
+    path: Path, topic: str | None, known: dict[str, Any], key: str, read: Callable[[str, Any], Row]
+) -> list[tuple[float, Row]]:
+    """Time and content of every message of a topic, in order of time. Raises InputError if there are none.
+
+    read: what a message of a kind holds.
+    """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise InputError(f"{path}: reading it needs rosbags; pip install 'turnscope[ros]'") from error
     if not path.exists():
         raise InputError(f"{path}: no such file")
-    count = 0
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             kinds = {item.topic: item.msgtype.rpartition("/")[2] for item in reader.connections}
             chosen = _chosen(path, topic, kinds, known, key)
-            connections = [item for item in reader.connections if item.topic == chosen]
-            for connection, recorded_ns, raw in reader.messages(connections=connections):
+            rows = []
+            for connection, recorded_ns, raw in reader.messages(
+                connections=[item for item in reader.connections if item.topic == chosen]
+            ):
                 message = reader.deserialize(raw, connection.msgtype)
-                count += 1
-                yield kinds[chosen], _time_s(message, recorded_ns), message
+                rows.append((_time_s(message, recorded_ns), read(kinds[chosen], message)))
     except InputError:
         raise
-    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
-        raise InputError(f"{path}: not a readable ROS recording ({str(error).strip()})") from error
-    if not count:
+    except Exception as error:  # rosbags, its databases and messages of a damaged recording raise anything
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: not a readable ROS recording ({reason})") from error
+    if not rows:
         raise InputError(f"{path}: topic {chosen} has no message")
+    return sorted(rows, key=lambda row: row[0])
 
 
 def _chosen(path: Path, topic: str | None, kinds: dict[str, str], known: dict[str, Any], key: str) -> str:

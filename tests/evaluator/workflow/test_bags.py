@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ import pytest
 rosbags = pytest.importorskip("rosbags", reason="needs rosbags: pip install 'turnscope[ros]'")
 
 from rosbags.rosbag1 import Writer as WriterOfRos1  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 from evaluator.errors import InputError  # noqa: E402
@@ -25,65 +23,9 @@ from simulator.command import Command  # noqa: E402
 from simulator.robot import load_robot  # noqa: E402
 from simulator.run import State  # noqa: E402
 from simulator.simulation import simulate  # noqa: E402
+from tests.evaluator.workflow.ros import EPOCH_S, NS, bag, joints, numbers, odometry, twist  # noqa: E402
 
-EPOCH_S = 1_764_000_000
-NS = 1_000_000_000
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-TYPES = STORE.types
-Send = Callable[[str, float, Any], None]
-
-
-@contextmanager
-def bag(path: Path, storage: StoragePlugin = StoragePlugin.MCAP) -> Iterator[Send]:
-    """Give a function that writes a message to a topic at a time after EPOCH_S."""
-    with Writer(path, version=9, storage_plugin=storage) as writer:
-        connections: dict[str, Any] = {}
-
-        def send(topic: str, at_s: float, message: Any) -> None:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            stamp_ns = EPOCH_S * NS + round(at_s * NS)
-            writer.write(connections[topic], stamp_ns, STORE.serialize_cdr(message, kind))
-
-        yield send
-
-
-def header(at_s: float) -> Any:
-    whole = int(np.floor(at_s))
-    time = TYPES["builtin_interfaces/msg/Time"](sec=EPOCH_S + whole, nanosec=round((at_s - whole) * NS))
-    return TYPES["std_msgs/msg/Header"](stamp=time, frame_id="map")
-
-
-def vector(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
-    return TYPES["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
-
-
-def twist(ahead: float, turn: float) -> Any:
-    return TYPES["geometry_msgs/msg/Twist"](linear=vector(ahead), angular=vector(z=turn))
-
-
-def joints(names: list[str], speeds: list[float]) -> Any:
-    kind = TYPES["sensor_msgs/msg/JointState"]
-    empty = np.zeros(0)
-    return kind(header=header(0.0), name=names, position=empty, velocity=np.array(speeds), effort=empty)
-
-
-def numbers(*values: float) -> Any:
-    layout = TYPES["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-    return TYPES["std_msgs/msg/Float64MultiArray"](layout=layout, data=np.array(values))
-
-
-def odometry(at_s: float, x: float, y: float, heading: float, covariance: np.ndarray | None = None) -> Any:
-    turned = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
-    pose = TYPES["geometry_msgs/msg/Pose"](TYPES["geometry_msgs/msg/Point"](x=x, y=y, z=0.0), turned)
-    full = np.zeros(36) if covariance is None else covariance.ravel()
-    return TYPES["nav_msgs/msg/Odometry"](
-        header=header(at_s),
-        child_frame_id="base_link",
-        pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=full),
-        twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](twist=twist(0.0, 0.0), covariance=np.zeros(36)),
-    )
+LONGEST = b"\xff" * 8
 
 
 def drive_in_bag(folder: Path, late_s: float) -> Path:
@@ -197,3 +139,49 @@ def test_a_file_that_is_no_recording_is_named_in_one_sentence(tmp_path: Path) ->
         read_commands(tmp_path / "run.mcap", Topics())
     with pytest.raises(InputError, match="no such file"):
         read_commands(tmp_path / "none.mcap", Topics())
+
+
+def of_an_endless_record(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[:9] + LONGEST + content[17:])  # length of the first record, after magic and kind
+
+
+def of_a_message_without_a_pose(path: Path) -> None:
+    content = path.read_bytes()
+    assert content.count(b"PoseWithCovariance pose") >= 1
+    path.write_bytes(content.replace(b"PoseWithCovariance pose", b"PoseWithCovariance posf"))
+
+
+def of_pages_full_of_zeros(path: Path) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[:4096] + bytes(len(content) - 4096))
+
+
+@pytest.mark.parametrize(
+    ("storage", "spoil"),
+    [
+        (StoragePlugin.MCAP, of_an_endless_record),
+        (StoragePlugin.MCAP, of_a_message_without_a_pose),
+        (StoragePlugin.SQLITE3, of_pages_full_of_zeros),
+    ],
+)
+def test_a_damaged_recording_is_one_sentence(
+    tmp_path: Path, storage: StoragePlugin, spoil: Callable[[Path], None]
+) -> None:
+    with bag(tmp_path / "run", storage) as send:
+        for k in range(4):
+            send("/odom", k / 10, odometry(k / 10, 0.0, 0.0, 0.0))
+    (path,) = (file for file in (tmp_path / "run").iterdir() if file.suffix in (".mcap", ".db3"))
+    assert len(read_poses(path).table) == 4
+    spoil(path)
+    with pytest.raises(InputError, match="not a readable ROS recording"):
+        read_poses(path)
+
+
+def test_a_rotation_beyond_every_number_is_one_sentence(tmp_path: Path) -> None:
+    message = odometry(0.0, 0.0, 0.0, 0.0)
+    message.pose.pose.orientation.w = 1e300
+    with bag(tmp_path / "run") as send:
+        send("/odom", 0.0, message)
+    with pytest.raises(InputError, match="not a readable ROS recording"):
+        read_poses(tmp_path / "run")
