@@ -19,6 +19,7 @@ from tests.evaluator.synthetic import circling_marks, three_runs
 from tests.evaluator.test_interchange import deeplabcut_text, project_text
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video
 from tests.fuzz import mutations
+from tests.fuzz.bags import has_rosbags, write_bags
 from tests.fuzz.mutations import Mutation
 
 ROOT = Path(__file__).parents[2]
@@ -151,13 +152,17 @@ def _entries() -> Iterator[Entry]:
     yield Entry(
         "sweep.toml", ("sweep", "sweep.toml", "-o", f"{OUT}/w.csv", "-q", "--workers", "1"), OF_TOML, is_slow=True
     )
+    if has_rosbags():
+        yield Entry("run.mcap", ("check", "ros.toml"), (BYTES,))
 
 
 ENTRIES = tuple(_entries())
 
 
 def lay_out(folder: Path) -> None:
-    """Write all the valid files that the entries name."""
+    """Write all the valid files that the entries and readers name."""
+    if has_rosbags():
+        write_bags(folder)
     _tables(folder)
     _videos(folder)
     camera = _gauge_images(folder)

@@ -18,6 +18,8 @@ from calibration.gauge.geometry import load_gauge
 from calibration.store import load_camera
 from evaluator.cli.failures import sentence_of
 from evaluator.files.reading import read_with
+from evaluator.interchange.bags import Topics
+from evaluator.interchange.commands import from_log
 from evaluator.interchange.poses import read_poses
 from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import read_marks
@@ -30,11 +32,13 @@ from simulator.robot import load_robot
 from simulator.sweep import load_sweep
 from tests.fuzz import mutations
 from tests.fuzz.attempt import HangError, limited
+from tests.fuzz.bags import BAGS, has_rosbags
 from tests.fuzz.mutations import Mutation
 
 LIMIT_S = 30.0
 LONGEST_SENTENCE = 20_000  # characters: a file may have many faults
 FOREIGN = Tracks.model_validate({"green": "mass A", "yellow": "mass B", "unit": "mm", "rate_hz": 60.0})
+TOPICS = Topics(topic="/wheels", poses_topic="/odom")
 TEXT, BYTES = mutations.of_text, mutations.of_bytes
 
 
@@ -64,6 +68,10 @@ def _readers() -> Iterator[Reader]:
         ("movement.nc", (BYTES,)), ("classic.nc", (BYTES,)), ("sleap.h5", (BYTES,)),
     ):  # fmt: skip
         yield Reader(name, partial(read_any_marks, tracks=FOREIGN, marks=("green", "yellow")), ways)
+    if has_rosbags():
+        for name in BAGS:
+            yield Reader(name, partial(read_poses, topics=TOPICS), (BYTES,))
+        yield Reader(BAGS[0], partial(from_log, topics=TOPICS), (BYTES,))
 
 
 READERS = tuple(_readers())
