@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -145,17 +146,14 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     """Runs that stand still, are briefly held or pushed, or whose camera moved; at most one of these for each run."""
     phases = [(phase, robot) for run, robot in zip(data, robots, strict=True) for phase in phases_of(run)]
     standing = {id(phase) for phase, robot in phases if _stands(phase, robot)}
+    counts = Counter((unsigned_rpm(phase.left_rpm, phase.right_rpm), id(phase) in standing) for phase, _ in phases)
     of_run: dict[str, list[RunData]] = {}
     for phase, _ in phases:
         of_run.setdefault(phase.id, []).append(phase)
     found = []
     for run in data:
         mine = of_run.get(run.id, [])
-        wrongly = [
-            phase
-            for phase in mine
-            if id(phase) in standing and not _others_stand_too(phase, [other for other, _ in phases], standing)
-        ]
+        wrongly = [phase for phase in mine if id(phase) in standing and not _others_stand_too(phase, counts)]
         if wrongly:
             when = "" if len(wrongly) == len(mine) else f" from {wrongly[0].start_s:.2f} s on"
             remedy = "inspect the recording: is the robot held, or a motor off?"
@@ -203,19 +201,17 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95)) / rolled
 
 
-def _others_stand_too(phase: RunData, phases: Sequence[RunData], standing: set[int]) -> bool:
+def _others_stand_too(phase: RunData, counts: Mapping[tuple[tuple[float, float], bool], int]) -> bool:
     """Whether all other phases of this command, in either direction and side, or all of no faster ones, stand as well.
 
-    That indicates a dead band or a drag: a robot whose slower wheel stands may hold still, and accidents do not gather
+    counts: phases by the speeds of their slower and faster wheel and whether they stand, as this one does. That all
+    stand indicates a dead band or a drag: a robot whose slower wheel stands may hold still, and accidents do not gather
     in one command.
     """
     speeds = unsigned_rpm(phase.left_rpm, phase.right_rpm)
-    others = [
-        (unsigned_rpm(other.left_rpm, other.right_rpm), id(other) in standing) for other in phases if other is not phase
-    ]
-    alike = [stands for rpm, stands in others if rpm == speeds]
-    slower = [stands for rpm, stands in others if 0 < rpm[1] <= speeds[1]]
-    return any(kind and all(kind) for kind in (alike, slower))
+    alike = {key: count for key, count in counts.items() if key[0] == speeds}
+    slower = {key: count for key, count in counts.items() if 0 < key[0][1] <= speeds[1]}
+    return any(sum(kind.values()) > 1 and all(stands for _, stands in kind) for kind in (alike, slower))
 
 
 def _span(run: RunData) -> tuple[float, float]:
