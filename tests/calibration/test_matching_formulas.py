@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calibration.assignment import lattice
 from calibration.assignment.fiducials import features_promised, features_seen, of_equal_size
 from calibration.assignment.lattice import Lattice, array_size, assign_grid, places_without_dot, rows_and_columns
-from calibration.assignment.matching import _turned, match_gauge
+from calibration.assignment.matching import _no_fiducials, _turned, match_gauge
 from calibration.errors import CalibrationError
 from tests.calibration.drawing import gauge_of
 from tests.calibration.known_dots import MARKED, PLAIN, dots_at, of, places, view
@@ -244,3 +244,23 @@ def test_dots_of_a_size_that_no_dot_of_the_gauge_has_are_none(gauge: Any, low: f
     for ratio, kept in ((1.02 * low, True), (0.98 * low, False), (0.98 * high, True), (1.02 * high, False)):
         size = dots.diameter_px * np.where(np.arange(63) == 31, ratio, 1.0)
         assert (31 in of_equal_size(dots_at(dots.centers_px, diameter_px=size), found, gauge).dot) is kept
+
+
+def test_a_dot_of_another_size_is_not_matched() -> None:
+    dots, found, index = view(PLAIN)
+    odd = dots_at(dots.centers_px, diameter_px=dots.diameter_px * np.where(np.arange(63) == 31, 1.6, 1.0))
+    match = match_gauge(odd, found, PLAIN)
+    assert sorted(match.dot) == [k for k in range(63) if k != 31]
+    np.testing.assert_array_equal(np.stack([match.column, match.row], 1), index[match.dot])
+
+
+@pytest.mark.parametrize(
+    ("channels", "colored", "said"),
+    [(1, True, "which a grey image does not show"), (3, True, "not visible"), (1, False, "not visible")],
+)
+def test_fiducials_that_are_not_found_are_missing_or_of_a_colour_that_the_image_lacks(
+    channels: int, colored: bool, said: str
+) -> None:
+    look = {"color": "red"} if colored else {"diameter_mm": 0.7}
+    gauge = gauge_of(columns=9, rows=7, fiducial=[{"column": 1, "row": 2, **look}])
+    assert said in _no_fiducials(dots_at(np.zeros((4, 2)), color=np.zeros((4, channels))), gauge)
