@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.detection import candidates, dots
+from calibration.detection import candidates, disturbed, dots
+from calibration.detection import image as image_module
 from calibration.detection.candidates import Candidates
 from calibration.detection.dots import _distinct, _Vote, _without_doubles
 
@@ -186,3 +187,61 @@ def test_a_dots_colour_is_the_mean_of_nine_pixels_within_the_image() -> None:
     assert found.size_px == (120, 100)
     assert found.diameter_px == pytest.approx([6.0, 6.0])
     assert found.contrast.tolist() == [50.0, 50.0]
+
+
+@pytest.mark.parametrize(
+    ("radius", "noise", "found"),
+    [
+        (9.0, 1.0, True),
+        (9.0, 18.0, True),  # it fills 26 % of the window: three quarters of its 100 levels are left of its contrast
+        (9.0, 19.0, False),  # and are less than four sigmas
+        (13.0, 1.0, True),  # 55 %: half the mean deviation is between the levels
+        (3.0, 1.0, True),
+    ],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_blob_of_a_window_is_farther_from_the_mean_than_noise_and_half_the_usual_deviation(
+    radius: float, noise: float, sign: float, *, found: bool
+) -> None:
+    y, x = np.mgrid[:300, :90]
+    plane = np.where(np.hypot(x - 45, y - 270) <= radius, 100.0 - 100.0 * sign, 100.0).astype(np.float32)
+    of_sign = candidates._at_window(plane, 31, noise)
+    blob = of_sign(sign)
+    assert len(blob) == found
+    if found:
+        assert blob.center_px[0] == pytest.approx([45.0, 270.0])
+        assert blob.area_px[0] == pytest.approx(np.pi * radius**2, rel=0.08)
+    assert len(of_sign(-sign)) == 0
+
+
+def test_an_odd_dot_is_fitted_again_beside_its_edge_and_the_better_fit_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 20 dots whose residuals scatter by two per cent; two blurs and a half, 1.5 px at least, its reach at most."""
+    rng, asked = np.random.default_rng(4), list[Any]()
+    noise = np.exp(0.02 * rng.normal(size=20))
+    noise[[3, 8, 11, 15]] = 5.0
+    numbers, spread = fitted(np.zeros((20, 2))), np.zeros((20, 2, 2))
+    numbers[:, 5], reach = 1.0, np.full(20, 9.0)
+    numbers[8, 5], reach[11] = 0.2, 2.0
+
+    def fit_dots(_plane: Any, starts: np.ndarray, close: np.ndarray) -> Any:
+        asked.extend(close.tolist())
+        return starts + 1.0, np.ones((4, 2, 2)), np.array([1.0, 1.0, 1.0, 4.0])
+
+    monkeypatch.setattr(disturbed, "fit_dots", fit_dots)
+    disturbed.fit_again(PLANE, reach, (numbers, spread, noise))
+    assert asked == [2.5, 1.5, 2.0, 2.5]
+    assert np.flatnonzero(numbers[:, 0]).tolist() == np.flatnonzero(spread[:, 0, 0]).tolist() == [3, 8, 11]
+    assert (noise > 2.0).nonzero()[0].tolist() == [15]
+    asked.clear()
+    disturbed.fit_again(PLANE, reach[:3], (numbers[:3], spread[:3], noise[:3]))
+    assert asked == []  # too few to tell what is odd
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8), (0.5, 0.5, 0.5)])
+def test_dots_are_told_by_the_colour_in_which_neighbouring_pixels_differ_most(way: tuple[float, float, float]) -> None:
+    """Brighter toward white; however much light or colour changes slowly over the sheet, and however large it is."""
+    y, x = np.mgrid[:150, :160] / 150.0
+    dots_on = np.sin(105 * x) * np.sin(105 * y) > 0.5
+    image = 100.0 - 40.0 * dots_on[..., None] * np.array(way) + (60.0 * x)[..., None] * np.array([0.0, 1.0, -0.5])
+    axis = image_module._detail_axis(image.astype(np.float32))
+    assert axis == pytest.approx(np.array(way) / np.linalg.norm(way), abs=0.03)
