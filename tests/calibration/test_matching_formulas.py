@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calibration.assignment import lattice
-from calibration.assignment.fiducials import features_promised, features_seen, of_equal_size
+from calibration.assignment.fiducials import SIZE_SIGMA, features_promised, features_seen, of_equal_size
 from calibration.assignment.lattice import Lattice, array_size, assign_grid, places_without_dot, rows_and_columns
 from calibration.assignment.matching import _no_fiducials, _turned, match_gauge
 from calibration.errors import CalibrationError
@@ -264,3 +264,14 @@ def test_fiducials_that_are_not_found_are_missing_or_of_a_colour_that_the_image_
     look = {"color": "red"} if colored else {"diameter_mm": 0.7}
     gauge = gauge_of(columns=9, rows=7, fiducial=[{"column": 1, "row": 2, **look}])
     assert said in _no_fiducials(dots_at(np.zeros((4, 2)), color=np.zeros((4, channels))), gauge)
+
+
+def test_a_fiducial_is_promised_by_its_size_and_its_colour_in_steps_from_dots_to_sheet() -> None:
+    """Gray dots, 128 of 255, on a white sheet: a step of 127; a tenth of it is one sigma."""
+    look = {"column": 2, "row": 1, "color": "#ff0000", "diameter_mm": 1.8}
+    gauge = gauge_of(columns=9, rows=7, color="#808080", fiducial=[look])
+    promised = features_promised(gauge, 4)
+    sigmas = [np.log(1.8 / gauge.dots.diameter_mm) / SIZE_SIGMA, *([-128.0, -128.0, 127.0] / np.array(12.7))]
+    assert promised[:, 1, 2] == pytest.approx(sigmas)
+    promised[:, 1, 2] = 0.0
+    assert not promised.any()
