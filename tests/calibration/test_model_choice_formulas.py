@@ -20,6 +20,7 @@ from calibration.estimation.bundle_adjustment import (
 from calibration.estimation.calibrate import Faults, _check_left_out, _check_pitch
 from calibration.estimation.gauge_as_printed import _faces
 from calibration.estimation.model_choice import Trial, _every, _fold, _held_out, choose_model
+from calibration.estimation.robust import robust_scale
 from tests.calibration.bundles import CAMERA, GAUGE, LOOSE, bundle
 from tests.calibration.drawing import gauge_of
 
@@ -45,6 +46,15 @@ def test_error_of_dots_held_out_is_that_of_a_fit_without_them() -> None:
         for k, (view, part) in enumerate(zip(views, held, strict=True)):
             squares.append(np.sum(view_rows(view, rest.state, k)[1][part] ** 2, axis=1))
     assert _held_out(views, fit) == pytest.approx(np.mean(np.concatenate(squares)), rel=0.02)
+
+
+def test_a_dot_that_contradicts_all_others_counts_as_much_as_five_usual_residuals() -> None:
+    views, state = bundle(2, noise_px=0.02)
+    usual = _held_out(views, solve(views, state, LOOSE))
+    views[1].centers_px[40] += [3.0, -2.0]  # 180 sigmas
+    fit = solve(views, state, LOOSE)
+    cap = (5.0 * robust_scale(fit.whitened)) ** 2
+    assert 176 * (_held_out(views, fit) - usual) == pytest.approx(cap - 2.0, abs=3.0)  # 2: its own share before
 
 
 @pytest.mark.parametrize(("dots", "kept"), [(3000, 3000), (4000, 2000), (6100, 2034)])
