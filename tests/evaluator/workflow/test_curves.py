@@ -40,6 +40,8 @@ def test_a_slope_is_over_a_fifth_of_a_second_and_is_unknown_where_the_value_is()
     assert np.isnan(slope[5])
     assert (slope[0], slope[54], slope[66], slope[-1]) == pytest.approx((-1.0, -1.0, 1.0, 1.0))
     assert slope[57] == pytest.approx(-0.5)  # 0.05 s before it turns back
+    square = _slope(TIME_S, TIME_S**2)  # the sum of the times at both ends
+    assert square[[0, 54, -1]] == pytest.approx([0.1, 1.8, 2 * TIME_S[-1] - 0.1])
     assert np.isnan(_slope(TIME_S, np.where(TIME_S == 0.5, 1.0, np.nan))).all()
 
 

@@ -156,6 +156,16 @@ def test_values_of_a_file_have_their_places_and_whole_numbers_stay_whole_where_t
             changed(place, 1)
 
 
+def test_effects_of_ones_own_that_a_robot_names_are_written_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, asked = written(tmp_path, HEAD + RUN), list[Path]()
+    monkeypatch.setattr(robots, "own_effects_for", lambda at, _text: asked.append(at) or {tmp_path / "mine.toml": "id"})
+    robots.write_robot(path, shipped_robot_text("barrel"), "")
+    assert asked == [tmp_path / "robot.toml"]
+    assert (tmp_path / "mine.toml").read_text() == "id"
+
+
 def test_a_robot_of_an_experiment_is_its_file_or_a_new_one_beside_it(tmp_path: Path) -> None:
     path = written(tmp_path, HEAD + RUN)
     assert robots.robot_file(path) == robots.RobotFile(tmp_path / "robot.toml", "", named=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from statistics import NormalDist
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,7 @@ from evaluator.workflow import rendering, tracking
 from evaluator.workflow.frames import decoder, live
 from evaluator.workflow.frames.live import LiveCamera, LiveSource
 from evaluator.workflow.selftest import laboratory
+from evaluator.workflow.selftest.claims import CLAIMS
 from evaluator.workflow.viewing import cameras
 
 FIRST, OTHER = LiveSource("0"), LiveSource("1")
@@ -197,7 +199,7 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     for name in ("green", "yellow"):
         marks[f"{name}_x_px"] = [float("nan")] * 3 + [1.0 if seen.get(name, 1) else float("nan")]
         marks[f"{name}_status"] = [seen.get("why", "not seen")] + ["not seen"] * 3
-    looked, written, placed = list[Any](), list[Any](), list[Any]()
+    looked, written, placed, tracked_in = list[Any](), list[Any](), list[Any](), list[Any]()
 
     class Video(list[Any]):
         live = seen.get("live", False)
@@ -208,9 +210,9 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     video = Video([SimpleNamespace(colourless=seen.get("grey", False))])
     monkeypatch.setattr(tracking, "open_recording", lambda *_, **__: video)
     monkeypatch.setattr(tracking, "precompile_tracker", lambda: None)
-    monkeypatch.setattr(tracking, "track", lambda *_: marks)
+    monkeypatch.setattr(tracking, "track", lambda frames, *_: tracked_in.append(frames) or marks)
     monkeypatch.setattr(tracking, "read_with", lambda *_: "camera")
-    monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: video)
+    monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: "undistorted")
     monkeypatch.setattr(
         tracking, "place_on_plate", lambda table, camera, height: placed.append((camera, height)) or table
     )
@@ -227,11 +229,13 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
             tracked()
         assert said in str(caught.value)
         assert looked == [3] * (not seen.get("changed", False))
+        assert tracked_in == ["undistorted"]
         return
     found = tracked()
     assert found.shares == {"green": 0.25 * seen.get("green", 1), "yellow": 0.25}
     assert repr(found) == f"Tracked(4 frames, green in {found.shares['green']:.1%}, yellow in 25.0%)"
     assert (found.notes, found.names, looked) == (("a note",), ("green", "yellow"), [3])
+    assert tracked_in == ["undistorted" if options else video]
     assert written == [(4, Path("b.csv"))] * bool(options)
     assert [camera for camera, _ in placed] == ["camera"] * bool(options)
     if options:
@@ -268,3 +272,15 @@ def test_scenes_are_answered_in_their_order_however_they_end(monkeypatch: pytest
         (0, 9, None), (1, 0, "no robot"), (2, 0, "its process was killed (out of memory?)"),
     ]  # fmt: skip
     assert told == [("scenes", done, 3) for done in (0, 0, 1, 2, 3)]
+
+
+def test_limits_of_a_self_test_are_two_to_five_times_what_a_sound_machine_shows() -> None:
+    """Of figures in their reasons; two intervals in three hundred draws, and what has to be so."""
+    usual = {"residual_px": 0.0018, "marks_um": 2.3, "radius_percent": 0.02}
+    limits = {claim.id: (claim.low, claim.high) for claim in CLAIMS}
+    assert [limits.pop(name)[1] / value for name, value in usual.items()] == pytest.approx([2.8, 2.2, 5.0], abs=0.1)
+    beyond = {"radius_intervals": 1.5, "size_intervals": 1.5, "simulated_um": 0.01}
+    assert limits == {name: (-np.inf, value) for name, value in beyond.items()} | dict.fromkeys(
+        ("frames", "named", "swapped"), (1.0, 1.0)
+    )
+    assert 2 * NormalDist().cdf(-1.96 * 1.5) == pytest.approx(1 / 300, rel=0.05)
