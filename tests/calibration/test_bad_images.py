@@ -140,6 +140,7 @@ def test_failed_calibration_leaves_no_file(tmp_path: Path) -> None:
     [
         (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(400), "HEIC photograph.*save it as JPEG or PNG"),
         (b"\xff\xd8\xff\xe0\0\x10JFIF\0" + bytes(40), "damaged or cut off"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(40), "damaged or cut off"),
         (b"hello, this is no image", "not a readable image"),
     ],
 )
@@ -163,3 +164,29 @@ def test_a_photograph_that_is_cut_off_is_one_sentence_and_nothing_else(
     with pytest.raises(CalibrationError):
         read_image(path)
     assert capfd.readouterr().err == ""  # nothing of the libraries' own
+
+
+@pytest.mark.parametrize(
+    ("shape", "seen"),
+    [
+        ((12, 15), (12, 15)),
+        ((12, 15, 2), (12, 15)),  # grey and its opacity
+        ((12, 15, 3), (12, 15, 3)),
+        ((12, 15, 4), (12, 15, 3)),
+        ((11, 15), "15×11 pixels, too small to hold a dot array"),
+        ((12, 11, 3), "11×12 pixels"),
+    ],
+)
+def test_an_image_has_no_opacity_and_twelve_pixels_along_either_side(
+    shape: tuple[int, ...], seen: tuple[int, ...] | str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (path := tmp_path / "a.png").touch()
+    pixels = np.arange(np.prod(shape)).reshape(shape) % 251
+    monkeypatch.setattr("calibration.detection.image.read_pixels", lambda _: pixels)
+    if isinstance(seen, str):
+        with pytest.raises(CalibrationError, match=seen):
+            read_image(path)
+        return
+    found = read_image(path)
+    assert found.shape == seen
+    np.testing.assert_array_equal(found[..., 0] if found.ndim == 3 else found, pixels.reshape(*shape[:2], -1)[..., 0])

@@ -181,12 +181,12 @@ def test_windows_are_no_wider_than_twice_the_image(monkeypatch: pytest.MonkeyPat
 
 def test_a_dots_colour_is_the_mean_of_nine_pixels_within_the_image() -> None:
     image = np.arange(100 * 120 * 3, dtype=float).reshape(100, 120, 3)
-    numbers = fitted([(50.4, 20.6), (0.2, 99.0)], radius=3.0)
-    found = dots._dots(image, PLANE, numbers, np.zeros((2, 2, 2)), np.ones(2))
-    np.testing.assert_allclose(found.color, [image[21, 50], image[98, 1]])
+    numbers = fitted([(50.4, 20.6), (0.2, 99.0), (119.0, 0.3)], radius=3.0)
+    found = dots._dots(image, PLANE, numbers, np.zeros((3, 2, 2)), np.ones(3))
+    np.testing.assert_allclose(found.color, [image[21, 50], image[98, 1], image[1, 118]])
     assert found.size_px == (120, 100)
-    assert found.diameter_px == pytest.approx([6.0, 6.0])
-    assert found.contrast.tolist() == [50.0, 50.0]
+    assert found.diameter_px == pytest.approx([6.0] * 3)
+    assert found.contrast.tolist() == [50.0] * 3
 
 
 @pytest.mark.parametrize(
