@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from simulator.effects import free_form
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Scene
 
@@ -79,3 +80,39 @@ def test_a_size_with_a_direction_is_fitted_up_to_its_bound_in_every_direction_of
 def test_a_limit_is_stated_from_a_standstill_to_what_no_wheel_reaches() -> None:
     limits = [item for id_ in ("speed-limit", "acceleration-limit") for item in EFFECTS[id_].parameters]
     assert {(item.low, item.high) for item in limits} == {(0.0, 1e6)}
+
+
+FORM = {"channel": "moment", "basis": "one", "coefficient": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, ""),
+        ({"point_mm": (1.0, 2)}, ""),
+        ({"point_mm": [1.0]}, "must be two numbers"),
+        ({"point_mm": [1.0, 2.0, 3.0]}, "must be two numbers"),
+        ({"point_mm": [1.0, "2"]}, "must be two numbers"),
+        ({"point_mm": 3.0}, "must be two numbers"),
+        ({"point_mm": "12"}, "must be two numbers"),
+        ({"coefficient": True}, "is not a finite number"),
+        ({"coefficient": math.inf}, "is not a finite number"),
+        ({"coefficient": "1"}, "is not a finite number"),
+        ({"pattern": "drivn"}, "did you mean driven?"),
+        ({"pattern": 3}, "it is one of common"),
+        ({"basis": "cos_wheel_angle"}, "belongs to wheels, channel moment does not"),
+        ({"basis": "cos_wheel_angle", "channel": "friction"}, ""),
+        ({"basis": "cos_wheel_angle", "channel": "speed"}, ""),  # the first channel of the wheels
+        ({"basis": "cos_wheel_angle", "channel": "camera_x"}, "belongs to wheels"),
+        ({"basis": "time", "channel": "camera_x"}, ""),
+        ({"basis": "left_command", "channel": "camera_y"}, "takes x, y, "),
+        ({"basis": "left_command", "channel": "left_drive"}, ""),
+        ({"basis": "left_command"}, "does not take basis left_command"),
+        ({"basis": "one", "channel": "left_drive"}, "it takes left_command, right_command"),
+        ({"coef": 1.0}, "has no parameter coef; did you mean coefficient?"),
+    ],
+)
+def test_a_free_form_says_where_it_acts_on_what_it_depends_and_how_much(given: dict[str, object], said: str) -> None:
+    found = list(free_form.faults(FORM | given))
+    assert bool(found) == bool(said)
+    assert said in " ".join(found)
