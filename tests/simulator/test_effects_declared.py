@@ -72,9 +72,8 @@ def test_a_size_with_a_direction_is_fitted_up_to_its_bound_in_every_direction_of
     told = [found.physical((size.high * math.cos(way), size.high * math.sin(way))) for way in ways]
     assert [one[size.name] for one in told] == pytest.approx([size.high] * len(ways))
     directions = [one[angle.name] for one in told]
-    assert angle.period == angle.high
-    assert (min(directions), max(directions)) == pytest.approx((angle.low, angle.high), abs=2.6)
-    assert size.low == 0.0
+    assert (min(directions), max(directions)) == pytest.approx((0.0, angle.high), abs=2.6)
+    assert (angle.low, angle.high, size.low) == (0.0, angle.period, 0.0)
 
 
 def test_a_limit_is_stated_from_a_standstill_to_what_no_wheel_reaches() -> None:
