@@ -115,3 +115,23 @@ def test_a_free_form_says_where_it_acts_on_what_it_depends_and_how_much(given: d
     found = list(free_form.faults(FORM | given))
     assert bool(found) == bool(said)
     assert said in " ".join(found)
+
+
+def test_steps_of_a_fits_own_coordinates_are_those_of_effects_that_do_alike() -> None:
+    """Of delays, relative speeds and forces; at a usual speed of 20 rpm, of which limits are fitted by the inverse."""
+    scene = Scene(20.0, (30.0, 20.0, 10.0))
+
+    def step(id_: str, name: str) -> float:
+        return next(item.step for item in EFFECTS[id_].parameters if item.name == name)
+
+    def steps(id_: str) -> list[float]:
+        return [item.step for item in EFFECTS[id_].candidate(scene).coordinates]
+
+    assert steps("speed-limit") == pytest.approx([step("drive-speed-scale", "factor") / 20.0] * 3)
+    assert steps("acceleration-limit") == pytest.approx([step("command-lag", "dead_time_s") / 20.0] * 2)
+    assert steps("tether-spring")[1:] == pytest.approx([step("tether-pull", "x_mN"), step("tether-pull", "y_mN")])
+    assert steps("command-lag") == pytest.approx([step("command-lag", "dead_time_s"), 0.1])  # a tenth of the delay
+    assert steps("magnet-strength") == pytest.approx(
+        [step("magnet-strength", f"{axle}_factor") for axle in ("driving", "driven")]
+    )
+    assert EFFECTS["acceleration-limit"].candidate(scene).starts == (pytest.approx((0.5 / 20.0,) * 2),)  # half a second
