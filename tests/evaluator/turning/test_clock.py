@@ -163,10 +163,10 @@ def scatter(share: float, runs: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_interval_is_that_of_95_percent_and_wider_where_noise_lasts() -> None:
-    error, half = scatter(0.0, 25)
-    assert (np.abs(error) < half).sum() >= 21
-    assert half.mean() == pytest.approx(1.96 * error.std(), rel=0.35)
-    _, lasting = scatter(0.7, 16)
+    error, half = scatter(0.0, 12)
+    assert (np.abs(error) < half).sum() >= 9
+    assert half.mean() == pytest.approx(1.96 * error.std(), rel=0.5)  # of twelve, known to a fifth
+    _, lasting = scatter(0.7, 6)
     assert lasting.mean() > 1.15 * half.mean()
 
 

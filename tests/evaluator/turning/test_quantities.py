@@ -125,7 +125,7 @@ def test_uncertainty_of_a_linear_quantity_is_that_of_steps_camera_and_rate_in_qu
 def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
     truth = arc_poses(5.0, 180, 120)
     runs = []
-    for seed in range(30):
+    for seed in range(12):
         poses = poses_from_marks(marks_of(truth, 0.02, np.random.default_rng(seed)), GEOMETRY)
         runs.append(measure_turning(poses, shape=SHAPE, left_rpm=33.0, right_rpm=14.0).to_row())
     for name, sigma in (
@@ -136,8 +136,8 @@ def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
         ("rear_right_slip_angle_deg", "rear_right_slip_angle_sigma_deg"),
     ):
         scatter = np.std([float(run[name]) for run in runs])
-        # The scatter of 30 runs is known to 13 %; the unknown correlation of the noise widens what is stated.
-        assert 0.7 < np.median([float(run[sigma]) for run in runs]) / scatter < 1.5, name
+        # The scatter of 12 runs is known to 21 %; the unknown correlation of the noise widens what is stated.
+        assert 0.6 < np.median([float(run[sigma]) for run in runs]) / scatter < 1.7, name
 
 
 def test_body_has_its_four_corners_about_the_middle_of_the_robot() -> None:
