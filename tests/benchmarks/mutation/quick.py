@@ -206,6 +206,17 @@ def _calls_super(part: object) -> bool:
     return isinstance(function, FunctionType) and "__class__" in function.__code__.co_freevars
 
 
+def compiled_lines(file: Path) -> frozenset[int]:
+    """Lines of compiled functions, unless the compiler is off: what was compiled before calls them unchanged."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return frozenset()
+    functions = [
+        node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, ast.FunctionDef)
+    ]
+    chosen = [node for node in functions if any("compiled" in ast.unparse(item) for item in node.decorator_list)]
+    return frozenset(line for node in chosen for line in range(node.lineno, (node.end_lineno or 0) + 1))
+
+
 def _ours() -> list[ModuleType]:
     """Our modules that are loaded."""
     return [module for module in sys.modules.values() if str(getattr(module, "__file__", "")).startswith(_OURS)]
@@ -235,7 +246,7 @@ def main() -> int:
     if said.no_jit:
         os.environ["NUMBA_DISABLE_JIT"] = "1"
     files = [file for path in said.paths for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
-    everything = [mutant for file in files for mutant in mutants(file)]
+    everything = [mutant for file in files for mutant in mutants(file) if mutant.line not in compiled_lines(file)]
     chosen = [mutant for mutant in everything if mutant.is_constant_of_module]
     if not said.constants:
         chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
