@@ -1,0 +1,132 @@
+"""Which searches a diagnosis makes of its runs, and what of them it keeps: stand-ins instead of fits."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis.diagnosis import _diagnosed, _with_next_runs
+from evaluator.diagnosis.diverging_runs import DIVERGING
+from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference.watch import SearchStoppedError
+from evaluator.diagnosis.result import Diagnosis
+from evaluator.progress import no_progress
+
+TILT = frozenset({"plate-tilt"})
+
+
+def session_of(runs: int, **more: Any) -> Session:
+    data: Any = tuple(SimpleNamespace(id=f"r{number}") for number in range(runs))
+    return Session(data, (None,) * runs, {}, **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Steps of a search in their order; every stage notes what it is given."""
+    steps: list[Any] = []
+
+    def noted(name: str, result: Any) -> Any:
+        return lambda *given: steps.append((name, *given)) or result
+
+    part: Any = SimpleNamespace(problem="problem of the part", runs=(0, 2))
+    whole: Any = SimpleNamespace(problem="problem of all")
+    results = {
+        "search_named": "named", "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
+        "searched_on_ground": (part, whole), "separations": {"a": {}}, "profiles_of": {"a": "profile"},
+    }  # fmt: skip
+    for name, result in results.items():
+        monkeypatch.setattr(module, name, noted(name, result))
+    monkeypatch.setattr(module, "shortcomings", lambda *_: [])
+    monkeypatch.setattr(module, "reviewed", lambda found, start: (found, start)[0])
+    monkeypatch.setattr(module, "diverging_runs", lambda _: [])
+    return steps
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, verdict: str, *, open_ground: bool) -> None:
+    ready = SimpleNamespace(
+        problem=SimpleNamespace(open_ground=open_ground), start="start", terms={"a": None}, free={"free:x": None}
+    )
+    said = SimpleNamespace(
+        verdict=verdict, reason="it pays", chosen=TILT, named=frozenset("b"), standing=None, leftover=None,
+        constancy=(), changes={}, negligible=frozenset(), known=(), known_together=None,
+    )  # fmt: skip
+    monkeypatch.setattr(module, "prepared", lambda *_: ready)
+    monkeypatch.setattr(module, "answer", lambda *_: said)
+
+
+ON_PLATE = ["search_named", "refined", "fit_on_all_runs", "challenge_with_free_terms"]
+
+
+@pytest.mark.parametrize(("open_ground", "steps"), [(False, ON_PLATE), (True, ["searched_on_ground"])])
+@pytest.mark.parametrize("verdict", ["effect", "unknown"])
+def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_at_once(
+    open_ground: bool, steps: list[str], verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, verdict, open_ground=open_ground)
+    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    is_effect = verdict == "effect"
+    assert [step for step, *_ in done] == steps + ["separations", "profiles_of"] * is_effect
+    assert (found.verdict, found.reason, found.chosen, found.held_out) == (verdict, "it pays", TILT, (1, 3))
+    assert found.fit_search is not None
+    assert (found.problem, found.fit_search.runs) == ("problem of the part", (0, 2))
+    assert (found.profiles, found.separation) == (({"a": "profile"}, {"a": {}}) if is_effect else ({}, {}))
+    assert found.terms == {"a": None}
+    if is_effect:  # told apart from others is the set with names, profiled the answer
+        assert [given[2] for given in done[-2:]] == [frozenset("b"), TILT]
+    if not open_ground:
+        assert [given[1:] for given in done[:4]] == [
+            (done[0][1], no_progress), ("named", "start", no_progress), (found.fit_search, {"a": None}),
+            (found.search, {"free:x": None}, no_progress),
+        ]  # fmt: skip
+
+
+def test_runs_that_diverge_are_left_out_and_the_others_searched_anew(
+    done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "none", open_ground=False)
+    told = iter([[1], []])
+    monkeypatch.setattr(module, "diverging_runs", lambda _: next(told))
+    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    assert [step for step, *_ in done] == ["search_named", *ON_PLATE]
+    assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
+    assert found.session.left_out == {"r1": DIVERGING}
+    assert found.held_out == (1,)  # the second of the three that remain
+
+
+def test_what_cannot_be_searched_says_why_and_what_concerns_all_runs_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    mistakes: Any = tuple(SimpleNamespace(sentence=name, everywhere=name == "mirrored") for name in ("one", "mirrored"))
+    monkeypatch.setattr(module, "shortcomings", lambda *_: ["3 usable runs"])
+    found = _diagnosed(session_of(3, mistakes=mistakes), no_progress, None)  # type: ignore[arg-type]
+    assert (found.verdict, found.reason, found.stopped) == ("insufficient", "mirrored; 3 usable runs", False)
+
+
+def test_a_search_that_is_stopped_has_no_verdict(done: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: Any) -> None:
+        raise SearchStoppedError(7.0, "the tilt explains the runs")
+
+    monkeypatch.setattr(module, "prepared", stopped)
+    found = _diagnosed(session_of(3), no_progress, None)  # type: ignore[arg-type]
+    assert (found.verdict, found.stopped, done) == ("insufficient", True, [])
+    assert found.reason.startswith("the search was stopped after 7 s of processor time")
+
+
+@pytest.mark.parametrize("apart", [None, {"a": {"b": 3.0}}])
+def test_runs_to_record_next_are_those_of_the_answer_and_none_without_a_search(
+    apart: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "best_next_runs", lambda *given: asked.append(given) or "next")
+    none = Diagnosis("insufficient", "few", session_of(3))
+    assert _with_next_runs(none, no_progress) is none
+    search: Any = "search"
+    standing: Any = "standing"
+    found = Diagnosis(
+        "effect", "", session_of(3, known=("k",)), search=search, standing=standing, chosen=TILT, separation=apart
+    )
+    assert _with_next_runs(found, no_progress).next_runs == "next"
+    assert asked == [("search", TILT, "standing", apart or {}, ("k",))]
+    assert np.isnan(found.confirmation)
