@@ -83,3 +83,80 @@ def test_delay_of_a_run_whose_log_changes_all_the_time_or_has_another_clock(late
     found = command_delay_of(RunCommand(log(), starts_at_rest=False, logged=True), poses)
     assert found.low_s < late_s < found.high_s
     assert found.is_known
+
+
+@pytest.mark.parametrize(
+    ("cost", "least"),
+    [
+        ((np.arange(7) - 3.37) ** 2, 3.37),
+        ((np.arange(7) - 0.4) ** 2, 0.4),  # by the parabola through the first three
+        ((np.arange(7) + 0.3) ** 2, -0.3),
+        (-np.abs(np.arange(7) - 3.0), 1.0),  # no bend: the second
+        (np.array([9, np.nan, 4, 1, 0, 1, 4]), 4.0),
+    ],
+)
+def test_a_cost_is_least_at_the_vertex_of_the_parabola_about_its_least_value(cost: Floats, least: float) -> None:
+    assert room._least(5.0 - 0.1 * np.arange(7), cost) == pytest.approx(5.0 - 0.1 * least)
+
+
+def test_a_cost_is_the_log_of_what_a_log_leaves_of_both_velocities() -> None:
+    products = np.array([[3.0, -3.0, 0.0, 5.0], [2.0, 2.0, 0.0, 0.0]])
+    squares = np.array([[4.0, 4.0, 0.0, 5.0], [1.0, 1.0, 0.0, 0.0]])
+    own = np.array([[9.0, 9.0, 9.0, 5.0], [8.0, 8.0, 8.0, 8.0]])
+    found = room._of_sums(np.stack([products, squares, own]))
+    # shares of 9/36 and 4/8; motion against its command explains nothing, and what explains all leaves 1e-12
+    assert found == pytest.approx([np.log(0.75) + np.log(0.5), np.log(0.5), np.nan, np.log(1e-12)], nan_ok=True)
+
+
+def test_costs_at_all_offsets_are_those_of_their_sums_over_eight_blocks() -> None:
+    rng = np.random.default_rng(3)
+    measured, commanded = rng.normal(size=(2, 50)), rng.normal(size=(2, 60))
+    cost, sums = room._cost(measured, commanded), room._sums(measured, commanded, np.arange(11))
+    assert sums.shape == (8, 3, 2, 11)
+    assert room._of_sums(sums.sum(axis=0)) == pytest.approx(cost)
+    for shift in range(11):
+        part = commanded[:, shift : shift + 50]
+        shares = np.sum(measured * part, axis=1) ** 2 / np.sum(measured**2, axis=1) / np.sum(part**2, axis=1)
+        shares[np.sum(measured * part, axis=1) < 0] = 0
+        assert cost[shift] == pytest.approx(np.log(1 - shares).sum())
+    edges = np.linspace(0, 50, 9).astype(int)
+    assert sums[3, 0, 1, 4] == pytest.approx(measured[1, edges[3] : edges[4]] @ commanded[1, 4:][edges[3] : edges[4]])
+
+
+def test_velocities_are_means_over_what_is_averaged_and_commands_too() -> None:
+    """Of an even acceleration the mean speed is that of the middle; commands are taken at sixteen middles of parts."""
+    time, times, half = np.arange(0, 4, 0.05), np.array([1.0, 2.5]), 0.2
+    way = 3.0 * time + time**2
+    pose = np.column_stack([5 + way * np.cos(0.7), way * np.sin(0.7), np.full(len(time), 0.7)])
+    np.testing.assert_allclose(room._measured(time, pose, times, half), [3.0 + 2 * times, [0, 0]], atol=1e-9)
+    turning = np.column_stack([0 * time, 0 * time, 0.4 * time])
+    np.testing.assert_allclose(room._measured(time, turning, times, half), [[0, 0], [0.4, 0.4]], atol=1e-12)
+    found = room._commanded(lambda at: (2 + 3 * at, 8 + at**2), times, half)
+    right = 8 + times**2 + half**2 / 3 * (1 - 1 / 16**2)
+    np.testing.assert_allclose(found, [(2 + 3 * times + right) / 2, right - 2 - 3 * times])
+
+
+@pytest.mark.parametrize(("better", "near"), [(0.68, True), (0.70, False)])
+def test_a_far_offset_is_believed_where_it_halves_what_the_near_ones_leave(
+    better: float, near: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = np.arange(0, 4, 0.1)
+    place: dict[float, int] = {}
+
+    def cost(measured: Floats, commanded: Floats) -> Floats:
+        shifts = 0.1 * np.arange(round((time[-1] - 0) / 0.1), round((time[0] - 20) / 0.1) - 1, -1)[: commanded.shape[1]]
+        found = np.full(commanded.shape[1] - measured.shape[1] + 1, -0.1)
+        offsets = shifts[: len(found)]
+        for at, value in ((-10.0, -3.0), (0.5, better - 3.0)):
+            place[at] = int(np.argmin(np.abs(offsets - at)))
+            found[place[at]] = value
+        return found
+
+    asked: list[Floats] = []
+    monkeypatch.setattr(room, "_cost", cost)
+    monkeypatch.setattr(room, "_sums", lambda _, __, window: asked.append(window) or np.zeros((8, 3, 2, len(window))))
+    monkeypatch.setattr(room, "_of_sums", lambda sums: np.zeros(sums.shape[-1]))
+    pose = np.column_stack([time, 0 * time, 0 * time])
+    assert room.log_offset(time, pose, lambda at: (at, at), (0.0, 20.0), NEAR_S) is not None
+    assert int(np.median(asked[0])) == place[0.5 if near else -10.0]
+    assert len(asked[0]) == 21  # a second to either side
