@@ -8,7 +8,19 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import Compression, compression
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
-from evaluator.diagnosis.likelihood.noise.common_drift import _log_evidence, _Run, changed, common_drift
+from evaluator.diagnosis.likelihood.noise import common_drift as room
+from evaluator.diagnosis.likelihood.noise.common_drift import (
+    LASTING_S,
+    RATES_MM,
+    CommonNoise,
+    _log_evidence,
+    _Run,
+    changed,
+    common_drift,
+    drift_of,
+)
+from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
+from evaluator.diagnosis.likelihood.noise.friction_wander import RATES
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
 from tests.evaluator.diagnosis.synthetic import FEATURES, linear_runs
 
@@ -128,3 +140,37 @@ def test_common_drift_is_part_of_the_covariance() -> None:
     expected += 25e-6 * np.outer(TIME_S, TIME_S)
     assert noise.covariance(TIME_S) == pytest.approx(expected)
     assert noise.times(TIME_S, np.eye(FRAMES)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("top", "by_drift", "by_wander", "told"),
+    [
+        ((7, 2, 3, 4), BELIEVED + 0.1, BELIEVED + 0.1, (7, 2, 3, 4)),
+        ((7, 2, 3, 4), BELIEVED + 0.1, BELIEVED - 0.1, (7, 2, 3, 0)),  # the ground may be even
+        ((7, 2, 3, 4), BELIEVED - 0.1, BELIEVED + 0.1, (0, 2, 0, 4)),  # the marks may stand still
+        ((7, 2, 3, 4), 0.4 * BELIEVED, 0.4 * BELIEVED, (0, 2, 0, 0)),
+        ((0, 1, 0, 4), BELIEVED + 0.1, BELIEVED + 0.1, (0, 1, 0, 4)),
+    ],
+)
+def test_drift_and_uneven_ground_are_told_where_they_gain_beyond_chance(
+    top: tuple[int, int, int, int],
+    by_drift: float,
+    by_wander: float,
+    told: tuple[int, int, int, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Evidence that falls from one place of the grid on, and jumps where there is neither of the two."""
+
+    def evidence(_: object, drift: Drift, wander: float, prior: Floats) -> float:
+        time = LASTING_S.index(drift.lasting_s)
+        rate = int(np.argmin(np.abs(np.array(RATES_MM) - drift.size_mm / np.sqrt(drift.lasting_s))))
+        place = rate, time, RATES_MM.index(drift.creep_mm_s), list(RATES).index(wander)
+        off = np.array(place) - top
+        fall = 1e-3 * float(off @ off)
+        still = (place[0] == 0 < top[0]) or (place[2] == 0 < top[2])
+        return 100.0 - fall - by_drift * still - by_wander * (place[3] == 0) + 0.0 * prior.sum()
+
+    monkeypatch.setattr(room, "_log_evidence", evidence)
+    found = common_drift([], [], [], np.zeros(1), NO_DRIFT, [])
+    drift = NO_DRIFT if told[0] == told[2] == 0 else drift_of(*told[:3])
+    assert found == CommonNoise(drift, RATES[told[3]], pytest.approx(100.0), top)

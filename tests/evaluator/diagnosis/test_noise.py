@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evaluator.diagnosis.likelihood.noise.spectrum import Spectrum, spectrum
+from evaluator.diagnosis.likelihood.noise.spectrum import Spectrum, _slow_part, spectrum
 from evaluator.diagnosis.likelihood.noise.tracking import (
     QUANTIZATION_MM,
     Drift,
@@ -141,3 +141,13 @@ def test_noise_that_shows_no_correlation_of_its_own_has_that_of_what_is_made_ali
     assert (found.white_mm / found.slow_mm, found.correlation_s) == pytest.approx((0.75, 1e-3))
     alone = fit_noise([even])
     assert (alone.white_mm, alone.slow_mm) == pytest.approx((sigma_mm, 0.0))
+
+
+@pytest.mark.parametrize("mode", [0, 3, 4])
+def test_a_slow_wave_goes_on_in_frames_that_are_missing(mode: int) -> None:
+    """A half wave of the whole series has its ends half a frame beyond the first and the last one."""
+    slots = np.arange(24)
+    wave = np.cos(np.pi * mode * (slots + 0.5) / 24)
+    for missing in (np.array([7, 8, 15]), np.array([23]), np.array([0])):
+        seen = np.setdiff1d(slots, missing)
+        assert _slow_part(wave[seen], seen, missing, 5) == pytest.approx(wave[missing], abs=0.05)
