@@ -17,7 +17,6 @@ from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, within
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.point import Column, Point
-from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate
 
 NONE, A = frozenset[str](), frozenset({"a"})
@@ -239,6 +238,12 @@ def test_what_is_promised_two_and_more_is_fitted_the_best_first(monkeypatch: pyt
     strategy.extend(search, NONE)
     assert asked[1:] == 2 * [(["c", "b"], 3)]  # with the friction of the fit, and with nominal friction
     asked.clear()
+    search.asked = frozenset("c")
+    search.terms = {**search.terms, "c": SimpleNamespace(begin=(), stepwise=False)}
+    strategy.extend(search, NONE)  # what the user asks for is fitted by itself
+    assert asked == [(["c"], 1), (["b"], 3)]
+    search.asked = NONE
+    asked.clear()
     strategy._from_the_null(search)  # every single one in its order, and pairs that gain over either of their effects
     assert asked[1:] == [(["c", "b", "a"], 7), (["cb", "ba"], 2)]
     search.problem.horizon_s = 2.5
@@ -294,8 +299,11 @@ def test_the_best_two_effects_and_the_best_pair_are_extended_if_they_do_not_lag(
         extended.clear()
         singles = {A: of(second), frozenset("b"): of(-90.0), frozenset("c"): of(-2.0)}
         monkeypatch.setattr(strategy, "_from_the_null", lambda search, more=singles: search.fits.update(more))
-        strategy.run_search(searching(), Point(np.zeros((2, 7))), Point(np.zeros((2, 7))), no_progress)
+        shares: list[float] = []
+        point = Point(np.zeros((2, 7)))
+        strategy.run_search(searching(), point, point, lambda _, share, *__, to=shares: to.append(share))
         assert extended == wanted
+        assert shares == pytest.approx([0.1, *([0.475, 0.65] if len(wanted) == 3 else [0.65]), 1.0])
 
 
 def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:

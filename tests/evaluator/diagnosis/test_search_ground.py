@@ -91,6 +91,20 @@ def test_what_acts_on_the_drive_is_fitted_whatever_its_place_in_the_screening(of
     assert of_drives.fits[frozenset({"command-lag"})] is lag
 
 
+@pytest.mark.parametrize(
+    ("best", "among"),
+    [(set[str](), {"speed-limit", "dead-band", DRIVE_FORM}), ({"command-lag"}, {"speed-limit", "dead-band"})],
+)
+def test_of_the_drive_what_was_not_fitted_is_tried_and_beside_an_effect_names_alone(
+    best: set[str], among: set[str], of_drives: Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_drives.fits[frozenset({"command-lag"})] = fit_of(frozenset({"command-lag"}))
+    asked: list[Any] = []
+    monkeypatch.setattr(search_ground, "extend", lambda _, ids, drives, most: asked.append((ids, set(drives), most)))
+    search_ground.try_drives(of_drives, 95, len(best))
+    assert asked == [(frozenset(best), among, len(among))]
+
+
 def test_named_effects_of_the_drive_are_combined_and_their_best_pair_grows_beside_a_better_set(
     of_drives: Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -200,11 +214,8 @@ def test_a_search_on_ground_grows_settles_its_noise_and_exchanges_in_this_order(
         problem=problem, terms=dict.fromkeys(NAMES), tolerance={}, start="start", own=frozenset({"lag"}), free=(1, 2)
     )
 
-    def progress(_: str, share: float) -> None:
-        shares.append(share)
-
     monkeypatch.setattr(Search, "null", property(lambda _: SimpleNamespace(point="null point")))
-    part, whole = search_ground.searched_on_ground(ready, progress)
+    part, whole = search_ground.searched_on_ground(ready, lambda _, share, *__: shares.append(share))
     order = [
         ("null", problem, runs.get("searched", (0, 1, 2))),
         *(("grow", 0, 1, 7), ("try_drives", 0), ("settled", None)),
@@ -260,9 +271,7 @@ def test_noise_that_settles_is_that_of_the_best_set(monkeypatch: pytest.MonkeyPa
     search, _ = search_of(monkeypatch)
     answers = iter([None, "settled"])
     monkeypatch.setattr(search_ground, "_ranked", lambda *_: [frozenset("b"), frozenset("a")])
-    monkeypatch.setattr(
-        search_ground, "settled_noise", lambda _, ids: next(answers) if ids == frozenset("b") else "of another"
-    )
+    monkeypatch.setattr(search_ground, "settled_noise", lambda _, ids: next(answers) if ids == {"b"} else "other")
     monkeypatch.setattr(search_ground, "_under", lambda _, families, **changes: (families, changes))
     assert search_ground._settled(search, 95) is None
     assert search_ground._settled(search, 95) == (95, {"problem": "settled"})

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import search_input, search_runs
+from evaluator.diagnosis import search_runs
 from evaluator.diagnosis.assessment.verdict import RELIEVING
 from evaluator.diagnosis.inference.search import MOST_STEPS, Search
-from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.progress import no_progress
 
 NONE = frozenset[str]()
@@ -263,22 +263,19 @@ def test_a_robot_that_recalibration_makes_implausible_is_searched_by_seconds_too
     assert seeds == [("short",)]
 
 
-def shown(square: float, starts: float) -> Any:
-    """Two runs whose response to one column, and to a start, is half along the start pose, which is fitted anyway."""
-    along, aside = np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
-    common = np.sqrt(square / 2) * aside + 3.0 * along
-    scatter = np.sqrt(starts / 2) * np.array([0.0, 0.0, 1.0]) + 5.0 * along
-    item = SimpleNamespace(start=along[:, None], common=common[:, None], scatter=np.column_stack([9 * along, scatter]))
-    return SimpleNamespace(attempted=lambda *_: [item, None, item], data=range(3))
-
-
-@pytest.mark.parametrize(("sigmas", "visible"), [(0.51, True), (0.49, False)])
-def test_what_all_runs_show_by_less_than_half_a_sigma_is_not_fitted(sigmas: float, *, visible: bool) -> None:
-    """Per unit, and a tolerance of 0.1: so much more is shown by a unit."""
-    problem = shown((sigmas / 0.1) ** 2, sigmas**2)
-    point = Point(np.zeros((3, 7)))
-    found = search_input.visible_tolerances(problem, point, {"key": 0.1, "exact": 0.0})
-    assert found == ({"key": 0.1} if visible else {})
-    assert search_input.show_starts(problem, point) is visible
-    square, starts = search_input._squares_shown(problem, point, [Column("key")])
-    assert (square[0], starts) == (pytest.approx((sigmas / 0.1) ** 2), pytest.approx(sigmas**2))
+@pytest.mark.parametrize("succeeds", [True, False])
+def test_a_set_is_fitted_without_held_out_runs_from_its_fit_to_all_which_stands_where_that_fails(
+    monkeypatch: pytest.MonkeyPatch, *, succeeds: bool
+) -> None:
+    asked: list[Any] = []
+    found = fit_of(3.0, "fitted") if succeeds else None
+    monkeypatch.setattr(search_runs, "fit_set", lambda *given: asked.append(given) or found)
+    part = searching({"": 0.0})
+    part.tolerance = {"other": 2.0}
+    whole = searching({"": 0.0, "a": 5.0})
+    whole.runs = (0, 1)
+    source = whole.fits[frozenset("a")]
+    assert search_runs.refit_without_held_out(part, whole, frozenset("a")) is (found or source)
+    ((search, ids, starts, origin),) = asked
+    assert (search.runs, search.tolerance, search.fits) == ((0,), {"other": 2.0}, {})
+    assert (ids, starts, origin) == (frozenset("a"), {"a": (5.0,)}, source)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import experiment
+from evaluator.diagnosis import experiment, search_input
 from evaluator.diagnosis.experiment import Session, _check_tolerances, _own_frames, _run_data, with_knowledge
 from evaluator.diagnosis.likelihood.known_to import LEVEL
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT
 from evaluator.errors import InputError
 from evaluator.settings import KnownTo
@@ -147,3 +148,25 @@ def test_a_tolerance_is_of_a_number_of_the_robot_file_and_the_same_for_all_robot
     ):
         with pytest.raises(InputError, match=said):
             _check_tolerances(robots)
+
+
+def shown(square: float, starts: float) -> Any:
+    """Two runs whose response to one column, and to a start, is half along the start pose, which is fitted anyway."""
+    along, aside = np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
+    common = np.sqrt(square / 2) * aside + 3.0 * along
+    scatter = np.sqrt(starts / 2) * np.array([0.0, 0.0, 1.0]) + 5.0 * along
+    effects = np.column_stack([9 * along, 9 * aside, scatter])  # the start is the last of them
+    item = SimpleNamespace(start=along[:, None], common=common[:, None], scatter=effects)
+    return SimpleNamespace(attempted=lambda *_: [item, None, item], data=range(3))
+
+
+@pytest.mark.parametrize(("sigmas", "visible"), [(0.51, True), (0.49, False)])
+def test_what_all_runs_show_by_less_than_half_a_sigma_is_not_fitted(sigmas: float, *, visible: bool) -> None:
+    """Per unit, and a tolerance of 0.1: so much more is shown by a unit."""
+    problem = shown((sigmas / 0.1) ** 2, sigmas**2)
+    point = Point(np.zeros((3, 7)))
+    found = search_input.visible_tolerances(problem, point, {"key": 0.1, "exact": 0.0})
+    assert found == ({"key": 0.1} if visible else {})
+    assert search_input.show_starts(problem, point) is visible
+    square, starts = search_input._squares_shown(problem, point, [Column("key")])
+    assert (square[0], starts) == (pytest.approx((sigmas / 0.1) ** 2), pytest.approx(sigmas**2))
