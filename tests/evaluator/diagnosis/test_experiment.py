@@ -123,6 +123,11 @@ def test_of_three_commands_none_is_kept_aside_as_a_whole_but_the_middle_repetiti
     assert held_out_runs(_runs(runs)) == (4, 9)  # the fourth of the six of 40 rpm, the third of the five of 60 rpm
 
 
+def test_of_fewer_than_six_runs_none_is_held_out_and_of_six_one() -> None:
+    assert held_out_runs(_runs([(20.0, 20.0), (40.0, 40.0)] * 2 + [(20.0, 20.0)])) == ()
+    assert len(held_out_runs(_runs([(20.0, 20.0), (40.0, 40.0)] * 3))) == 1
+
+
 def test_one_command_alone_cannot_decide() -> None:
     assert "same command" in shortcomings(_runs([(30.0, 30.0)] * 8))[0]
     assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4)) == []

@@ -114,6 +114,13 @@ def test_the_best_fit_explains_the_runs_below_one_and_a_half_times_the_noise() -
     assert (search.explained, search.largest) == (-np.inf, 4)
 
 
+def test_a_search_anew_has_made_no_fit_and_no_step_whatever_else_stays() -> None:
+    search = searching(fits={NONE: of(1.0)}, failed={A: None}, asked=A, extended={A}, steps=70, most_steps=170)
+    found = search.anew(runs=(1,))
+    assert (found.fits, found.failed, found.extended, found.steps, found.most_steps) == ({}, {}, set(), 0, 100)
+    assert (found.runs, found.asked, found.terms) == ((1,), A, search.terms)
+
+
 def test_the_best_fit_of_a_set_is_kept_with_the_steps_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter([of(5.0), of(7.0), of(6.0)])
     monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", lambda *_, **__: next(answers))

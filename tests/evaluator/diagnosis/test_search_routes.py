@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -90,8 +91,10 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_anew(
     answering(monkeypatch, "none", open_ground=False)
     told = iter([[1], []])
     monkeypatch.setattr(module, "diverging_runs", lambda _: next(told))
-    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
+    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [step for step, *_ in done] == ["search_named", *ON_PLATE]
+    assert found.session.robots == ("a", "c", "d")  # type: ignore[comparison-overlap]
     assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
     assert found.session.left_out == {"r1": DIVERGING}
     assert found.held_out == (1,)  # the second of the three that remain

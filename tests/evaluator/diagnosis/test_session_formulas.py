@@ -20,7 +20,7 @@ from evaluator.settings import KnownTo
 def run_at(off_mm: float, *, from_poses: bool = True, command: tuple[float, float] = (30.0, 10.0)) -> Any:
     """A run whose marks, 5 mm apart, begin so far from where others do."""
     first = np.array([3.0 + off_mm, 4.0, off_mm, 0.0])
-    marks = np.stack([first, first + 7.0])
+    marks = np.stack([first, first + 7.0 + 3.0 * off_mm**2])  # only the first frame counts
     return SimpleNamespace(marks_mm=marks, from_poses=from_poses, command=command, systematic={}, id="r")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ from evaluator.diagnosis import diagnosis as module
 from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
+from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
@@ -58,3 +59,12 @@ def test_an_effect_that_rests_on_one_run_is_no_verdict_where_the_search_without_
     found = diagnose(session, no_progress)
     assert (found.verdict, found.stopped, found.search) == ("insufficient", True, None)
     assert "the finding with r3, effect (plate-tilt), rests on this run alone" in found.reason
+
+
+def test_threads_of_a_diagnosis_end_with_it_and_results_keep_their_order() -> None:
+    before = threading.active_count()
+    with Cores(2) as each:
+        assert list(each(lambda item: item**2, range(5))) == [0, 1, 4, 9, 16]
+        assert threading.active_count() > before
+    assert threading.active_count() == before
+    assert list(each(lambda item: -item, range(3))) == [0, -1, -2]
