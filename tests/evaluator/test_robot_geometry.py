@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
+from evaluator.settings import load_measured
 from evaluator.tracking import settings
 from simulator import mark_layout
 from simulator.mark_layout import Mark
@@ -23,7 +24,7 @@ def test_a_tracker_finds_every_kind_of_mark_that_a_robot_may_have() -> None:
 def test_measurement_reads_the_shape_that_the_simulator_has(name: str) -> None:
     shape = read_geometry(Path(name)).shape
     assert shape is not None
-    assert shape == robot_shape(load_robot(name))
+    assert shape == robot_shape(load_robot(name)) == robot_shape(load_measured(Path(name)))
 
 
 @pytest.mark.parametrize(
