@@ -31,6 +31,8 @@ def test_every_change_is_cut_and_a_short_one_back_is_not() -> None:
     samples[30, 0] = 5.0  # a sample of a hundred and more costs two pieces
     assert _cuts(samples) == [60, 140]
     assert _cuts(samples[:1]) == []
+    samples[:] = [[50.0, 0.0, 0.0], *[[0.0] * 3] * 198, [0.0, 50.0, 0.0]]
+    assert _cuts(samples) == [1, 199]  # also of one sample, at either end
 
 
 @pytest.mark.parametrize(("change_rad", "motions"), [(0.016, 1), (0.025, 2)])
