@@ -7,6 +7,7 @@ import tomllib
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.output.effect_tables import effect_tables
+from evaluator.diagnosis.output.effects_json import parameters
 from evaluator.diagnosis.output.robot_file import with_value, with_values_of_each
 from evaluator.diagnosis.result import Diagnosis
 from simulator.robot import Robot
@@ -16,7 +17,7 @@ DEVIATION_DIGITS = 7  # a smaller change is rounding
 
 
 def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
-    """The robot file's text with the diagnosed effects appended, nominal values where the same fit has them."""
+    """The text with nominal values where the fit has them, and the effects with their intervals appended."""
     assert diagnosis.terms is not None
     robot = Robot.model_validate(tomllib.loads(text))
     nominal = {key: value for key, value in diagnosis.fit.point.nominal.items() if not is_shared(key)}
@@ -31,5 +32,6 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
                 text = with_value(text, table, name, getattr(part, name), MOVED)
     parts = [text.rstrip("\n"), ""]
     fitted = {effect: diagnosis.fit.point.terms[effect] for effect in diagnosis.chosen}
-    parts += effect_tables(diagnosis.terms, fitted)
+    bounds = {effect: parameters(diagnosis, diagnosis.terms[effect]) for effect in fitted}
+    parts += effect_tables(diagnosis.terms, fitted, bounds)
     return "\n".join(parts)

@@ -20,6 +20,7 @@ from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
+from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.diagnosis.session_changes import FrictionChange
@@ -257,7 +258,11 @@ def test_two_effects_of_one_cause_are_told_once_by_its_name(
     assert effects_json._without_repetition(content, found) == content
 
 
-def test_a_robot_file_gets_the_effect_and_the_values_that_moved() -> None:
+def test_a_robot_file_gets_the_effect_with_its_interval_and_the_values_that_moved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = {"x_mN": {"value": 1.5, "low": 1.25, "high": None}}
+    monkeypatch.setattr("evaluator.diagnosis.output.robot_with_effect.parameters", lambda *_: known)
     text = shipped_robot_text("barrel")
     item = Candidate("tether-pull", (Coordinate("x_mN", 0.0, 0.1),), lambda values: {"x_mN": values[0], "y_mN": 0.0})
     nominal = {"slip.lateral_friction": 0.1, "body.mass_g": 1e-9, "camera, error 1": 0.5}
@@ -265,11 +270,22 @@ def test_a_robot_file_gets_the_effect_and_the_values_that_moved() -> None:
     found: Any = SimpleNamespace(terms={"tether-pull": item}, chosen=frozenset({"tether-pull"}))
     found.fit = SimpleNamespace(point=point)
     written = robot_with_effect(found, text)
+    assert "\nx_mN = 1.5  # 95 %: 1.25 to unknown\ny_mN = 0.0\n" in written
     before, after = tomllib.loads(text), tomllib.loads(written)
     assert after.pop("effect") == [{"id": "tether-pull", "x_mN": 1.5, "y_mN": 0.0}]
     assert after["slip"].pop("lateral_friction") == pytest.approx(1.1 * before["slip"].pop("lateral_friction"))
     assert after == before
     assert written.count("which adjusted it within its tolerance") == 1  # a billionth of the mass is rounding
+
+
+def test_every_table_of_a_form_has_the_interval_of_its_share() -> None:
+    form = free_terms()["free:friction.one.driven-left-right"]
+    known = {name: {"value": 0.5, "low": 0.25, "high": 0.75} for name in form.physical((0.5,))}
+    lines = effect_tables({form.id: form}, {form.id: (0.5,)}, {form.id: known})  # type: ignore[dict-item]
+    assert [line for line in lines if line.startswith("coefficient")] == [
+        "coefficient = 0.5  # 95 %: 0.25 to 0.75",
+        "coefficient = -0.5  # 95 %: -0.75 to -0.25",
+    ]
 
 
 def test_a_form_is_written_as_an_effect_where_the_model_follows_the_runs() -> None:
