@@ -64,6 +64,14 @@ def ways_of(run: RunData, *others: RunData, ratio: float | None = None) -> dict[
     return found
 
 
+def test_a_command_that_many_runs_have_counts_once_constant_or_in_a_log() -> None:
+    run = recorded(moving(TIME))
+    other, logged = replace(run, left_rpm=60.0), replace(run, log=LOG)
+    same_log = replace(logged, id="again", log=RunCommand(Command(*LOG.command.knots.T), logged=True))
+    found = distinct_commands([run, run, logged, other, same_log, run])
+    assert [id(each) for each in found] == [id(run), id(logged), id(other)]
+
+
 def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror() -> None:
     run = recorded(moving(TIME))
     found = ways_of(run, replace(run, left_rpm=-30.0, right_rpm=-20.0), replace(run, left_rpm=60.0))

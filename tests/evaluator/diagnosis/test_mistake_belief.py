@@ -12,13 +12,14 @@ from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others
 from evaluator.diagnosis.mistakes.misread.hypotheses import (
+    MISFIT_SHARE,
     _judged,
     _judged_runs,
     _least_shares,
     _usual_kinds,
     misread_runs,
 )
-from evaluator.diagnosis.mistakes.misread.judgement import Judgement
+from evaluator.diagnosis.mistakes.misread.judgement import BETTER, FEWEST_SIMILAR, Judgement
 from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -100,6 +101,19 @@ def test_a_run_is_judged_from_a_smaller_misfit_on_where_similar_runs_fit_their_f
     stranger = Judgement(WAYS, np.array([9.0, 9.0, 9.0]), 10.0, ((5.0, 60.0),))
     assert _least_shares([one, *others, stranger])[0] == pytest.approx(least)
     assert (_judged(one, set(), least) is not None) == (least < 0.1)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_each_run_is_compared_with_the_largest_misfit_of_all_others(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shares = rng.choice([0.002, 0.01, 0.04, 0.2, np.nan], size=rng.integers(2, 7), p=[0.3, 0.3, 0.2, 0.1, 0.1])
+    runs = [Judgement(WAYS, np.array([10.0 * share, 0.1, 9.0]), 10.0, ((5.0, 30.0),)) for share in shares]
+    expected = []
+    for k in range(len(shares)):
+        others = np.delete(shares, k)
+        known = len(others) >= FEWEST_SIMILAR and np.isfinite(others).all()
+        expected.append(min(MISFIT_SHARE, BETTER * others.max()) if known else MISFIT_SHARE)
+    assert _least_shares(runs) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
