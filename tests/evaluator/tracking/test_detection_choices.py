@@ -233,12 +233,6 @@ def test_of_a_marks_own_hue_the_four_largest_that_are_no_blob_by_themselves_are_
     assert explain._with_own(others, []) == others
 
 
-def test_a_search_for_colours_tells_nothing_of_tags_and_of_a_frame_without_any() -> None:
-    tag = TrackingSettings.model_validate({"mark": {"roof": {"kind": "aruco", "id": 3}}})
-    assert explain.explain(SimpleNamespace(u=1), tag) == []  # type: ignore[arg-type]
-    assert explain.explain(SimpleNamespace(u=None), TrackingSettings()) == []  # type: ignore[arg-type]
-
-
 def colored(blobs: list[tuple[int, int, int, float, float]], rows: int = 40, columns: int = 60) -> Any:
     """Colours of a frame that is grey but for squares: row, column, side, hue and chroma."""
     chroma, hue = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32)
@@ -274,7 +268,7 @@ def test_a_mark_on_something_of_its_own_hue_stands_out_at_a_level_of_its_own(mon
     """A square of 6 on one of 24, twice as colourful, and one that is hardly more colourful than a level."""
     monkeypatch.setattr(find, "allowed_cells", lambda *_: np.arange(2400).reshape(40, 60) % 60 < 50)
     settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": (60.0, 100.0)}}})
-    for strength, sizes in ((95.0, [6, 24]), (45.5, [24])):
+    for strength, sizes in ((95.0, [6, 24]), (46.5, [6, 24]), (45.5, [24])):
         squares = [(5, 5, 24, 80.0, 39.0), (12, 9, 6, 80.0, strength), (5, 52, 6, 80.0, 90.0)]
         seen = find._candidates(None, colored(squares), settings, ["green"])  # type: ignore[arg-type]
         assert sorted(round(one.radius_px * np.pi**0.5) for one in seen) == sizes  # and none beyond column 50
@@ -292,3 +286,11 @@ def test_eight_blobs_are_explained_the_most_colourful_first(monkeypatch: pytest.
     settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": (60.0, 100.0)}}})
     (seen,) = explain.explain(frame, settings)
     assert [round(one.blob.chroma) for one in seen.blobs] == [29, *range(38, 31, -1)]
+
+
+def test_twelve_blobs_of_a_mark_are_examined_the_most_colourful_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(find, "allowed_cells", lambda *_: np.ones((40, 60), bool))
+    settings = TrackingSettings.model_validate({"mark": {"green": {"hue_deg": (60.0, 100.0)}}})
+    squares = [(2 + 12 * (k // 5), 2 + 12 * (k % 5), 6, 80.0, 30.0 + k % 7 + 0.1 * k) for k in range(15)]
+    seen = find._candidates(None, colored(squares), settings, ["green"])  # type: ignore[arg-type]
+    assert [one.chroma for one in seen] == pytest.approx(sorted((square[-1] for square in squares), reverse=True)[:12])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -134,3 +135,9 @@ def test_the_command_draws_what_the_search_for_tags_saw(tmp_path: Path) -> None:
     image = cv2.imread(str(sheet))
     assert image is not None
     assert image.shape[1] == 1240
+
+
+def test_a_search_for_colours_tells_nothing_of_tags_and_of_a_frame_without_any() -> None:
+    tag = TrackingSettings.model_validate({"mark": {"roof": {"kind": "aruco", "id": 3}}})
+    assert explain(SimpleNamespace(u=1), tag) == []  # type: ignore[arg-type]
+    assert explain(SimpleNamespace(u=None), TrackingSettings()) == []  # type: ignore[arg-type]
