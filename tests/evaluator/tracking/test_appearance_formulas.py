@@ -27,6 +27,13 @@ def test_a_disc_is_fitted_in_a_patch_at_its_place_in_the_frame_and_its_column_in
     assert fitted[[kernels.X, kernels.Y]] == pytest.approx([STATE[0], 50.0 + STATE[1]], abs=0.01)
 
 
+def test_a_patch_reaches_over_half_a_radius_and_five_pixels_beyond_the_rim() -> None:
+    """Of a radius of 10 px: 21 px in each direction, which is enough for the light around it and for its blur."""
+    frame: Any = SimpleNamespace(luma=np.zeros((200, 200), np.uint8), row_origin=0, row_step=1)
+    seen = appearance.patch_of(frame, (100.0, 90.0), 10.0)
+    assert (seen.x.min(), seen.x.max(), seen.y.min(), seen.y.max()) == (79.0, 121.0, 69.0, 111.0)
+
+
 def test_a_lesson_begins_with_the_luma_within_the_mark_and_around_it() -> None:
     """Within six tenths of the radius and beyond twelve; what lies between is left out, though it is most."""
     y, x = np.mgrid[:41, :41].astype(float)
