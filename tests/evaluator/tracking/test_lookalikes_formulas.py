@@ -14,6 +14,7 @@ from evaluator.tracking.detection import search as search_module
 from evaluator.tracking.detection.lookalikes import Rivals, mover
 from evaluator.tracking.detection.search import Search
 from evaluator.tracking.detection.selection import Candidate, choose, shortlist
+from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.settings import TrackingSettings
 
 SETTINGS = TrackingSettings(distance_diameters=3.0)
@@ -160,7 +161,9 @@ def test_marks_without_a_pair_are_the_best_of_each_with_the_sum_of_their_scores(
     assert of_pair == ({"green": GREEN}, pytest.approx(np.log1p(np.exp(-2.0))))
 
 
-def places(drawn: list[tuple[int, int, int, int]], area_px2: float, monkeypatch: pytest.MonkeyPatch) -> list[object]:
+def places(
+    drawn: list[tuple[int, int, int, int]], area_px2: float, monkeypatch: pytest.MonkeyPatch, follower: Any = None
+) -> list[object]:
     """What a search finds of boxes (left, top, width, height) of a colour; a chroma sample covers 2 × 2 px."""
     mask = np.zeros((40, 60), np.uint8)
     for left, top, width, height in drawn:
@@ -177,7 +180,8 @@ def places(drawn: list[tuple[int, int, int, int]], area_px2: float, monkeypatch:
     monkeypatch.setattr(search_module.color_kernels, "color_scan", scan)
     sought: Any = Search.__new__(Search)
     sought._cell, sought._allowed, sought._mask = np.array([2.0, 2.0, 0.5, 0.5]), {"green": None}, np.zeros_like(mask)
-    follower: Any = SimpleNamespace(color=np.array([0, 0, 0, 0, 20.0, 0]), look=SimpleNamespace(area_px2=area_px2))
+    color = np.array([0, 0, 0, 0, 20.0, 0])
+    follower = follower or SimpleNamespace(color=color, look=SimpleNamespace(area_px2=area_px2))
     return list(sought.places("green", SimpleNamespace(u=None, v=None), follower, 1.0))
 
 
@@ -203,3 +207,11 @@ def test_a_place_is_a_blob_of_about_the_area_that_is_no_stripe(
     box: tuple[int, int, int, int], *, is_one: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert bool(places([box], 64.0, monkeypatch)) == is_one
+
+
+@pytest.mark.parametrize(("length", "is_one"), [(23, True), (24, False)])
+def test_a_sticker_may_be_eight_times_as_long_as_wide(
+    length: int, *, is_one: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bar = BlobFollower(np.array([0, 0, 0, 0, 20.0, 0]), 4.0 * 3 * length, 0.0)
+    assert bool(places([(5, 5, length, 3)], bar.area_px2, monkeypatch, bar)) == is_one
