@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.tracking.observation import ABSENT
+from evaluator.tracking.following import follow
+from evaluator.tracking.observation import ABSENT, AMBIGUOUS, OK
 from evaluator.tracking.refinement import fast_path, kernels
-from tests.evaluator.tracking.test_follower_formulas import AREA, follower, found, frame
+from tests.evaluator.tracking.test_follower_formulas import AREA, at, follower, found, frame
 
 SEEN = frame(1.1)
 SEEN.u = SEEN.v = None
@@ -118,6 +119,17 @@ def test_the_shutter_is_asked_first_where_nobody_said_it(
     monkeypatch.setattr(one._slow_path, "fit", lambda *_: fits.append(1))
     one._explain_disturbance(SEEN, interval_s)
     assert (lessons, len(fits)) == ([interval_s] * asked, again)
+
+
+@pytest.mark.parametrize(("missed", "other", "status"), [(8, True, OK), (9, True, AMBIGUOUS), (9, False, OK)])
+def test_what_is_found_after_eight_frames_has_to_have_the_hue_of_the_mark(
+    missed: int, other: bool, status: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By then the mark may have left the image, and something else be the best of what is there."""
+    one = follower(position=(50.0, 40.0), missed=missed)
+    monkeypatch.setattr(one, "look_at", lambda *_: at(50.0, 40.0))
+    monkeypatch.setattr(follow, "has_another_hue", lambda *_: other)
+    assert one.look_again(SEEN, np.zeros(4), (50.0, 40.0), 0.1, (0.0, 0.0), 1.0).status == status
 
 
 def test_a_look_is_that_of_its_disc() -> None:
