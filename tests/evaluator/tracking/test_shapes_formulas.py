@@ -140,6 +140,26 @@ def test_a_lost_blob_is_looked_for_within_its_radius_and_as_pale_as_the_light_ha
     assert one.look.area_px2 == AREA
 
 
+@pytest.mark.parametrize(
+    ("beside", "beyond", "floor"), [(3.9, False, 3.9), (4.1, False, 0.0), (4.1, True, 4.1), (20.0, False, 0.0)]
+)
+def test_chroma_around_a_blob_is_its_own_paler_part_unless_it_goes_on_beyond_it(
+    beside: float, beyond: bool, floor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From a tenth of its 40 levels on: what has half of it lies within 1.7 times its area, or is the floor."""
+    asked = list[Any]()
+
+    def extends_beyond(_frame: Any, _cell: Any, color: np.ndarray, *rest: Any) -> bool:
+        asked.append((color[4], *rest))
+        return beyond
+
+    monkeypatch.setattr(follow_blob, "extends_beyond", extends_beyond)
+    monkeypatch.setattr(follow_blob, "replace", lambda one, **new: SimpleNamespace(**vars(one) | new))
+    found = follower()._without_own_rim(blob(beside=beside), None, np.ones(4), 9.0)  # type: ignore[arg-type]
+    assert found.beside == floor
+    assert asked == [(0.5 * beside, (50.0, 40.0), 18.0, pytest.approx(170.0))] * (beside > 4.0)
+
+
 def test_of_several_blobs_the_one_most_like_it_in_place_and_size_is_the_mark(monkeypatch: pytest.MonkeyPatch) -> None:
     near, alike = blob(center_px=(51.0, 40.0), area_px2=70.0), blob(center_px=(52.0, 40.0))
     monkeypatch.setattr(follow_blob, "blobs_around", lambda *_: [near, alike])
@@ -174,6 +194,10 @@ def test_unsteadiness_is_the_mean_square_of_second_differences_of_the_area_over_
     steady = follower(seen=100, unsteady=0.01, areas=(4.0, 4.0, 4.0))
     steady._note_area(9.0)  # cut back to three sigmas, a twentieth of which counts
     assert steady.unsteady == pytest.approx(0.01 + 0.05 * (0.09 - 0.01))
+    for seen, square in ((10, 1.0), (11, 0.09)):  # after the tenth frame
+        young = follower(seen=seen, unsteady=0.01, areas=(4.0, 4.0, 4.0))
+        young._note_area(9.0)
+        assert young.unsteady == pytest.approx(0.01 + (square - 0.01) / seen)
 
 
 @pytest.mark.parametrize(
