@@ -7,13 +7,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from pydantic import ValidationError
 
 from evaluator.errors import InputError
 from evaluator.interchange.bags import Topics, _of_joints, _of_numbers, _of_velocity, _pose, _time_s
 from evaluator.interchange.commands import RunCommand, constant
-from evaluator.interchange.poses import read_poses
+from evaluator.interchange.poses import LARGEST_CLOCK_S, _zero_s, in_recording_s, poses_of, read_poses, scatter
 from evaluator.interchange.tracker_project import Project
 from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
 from simulator.command import Command
@@ -168,3 +169,51 @@ def test_a_message_has_the_time_of_its_header_or_that_at_which_it_was_recorded()
 
     assert _time_s(stamped(3, 250_000_000), 7_000_000_000) == pytest.approx(3.25)
     assert _time_s(stamped(0, 0), 7_500_000_000) == _time_s(SimpleNamespace(), 7_500_000_000) == pytest.approx(7.5)
+
+
+@pytest.mark.parametrize(
+    ("times", "zero_s"),
+    [
+        ([1.7e9 + 0.75, 1.7e9 + 2.0], 1.7e9),
+        ([np.nan, 1.7e9 + 0.25], 1.7e9),  # the first that is known
+        ([LARGEST_CLOCK_S - 1.0], 0.0),
+        ([LARGEST_CLOCK_S + 1.5], LARGEST_CLOCK_S + 1.0),
+        ([-LARGEST_CLOCK_S - 1.5], -LARGEST_CLOCK_S - 2.0),
+        ([np.nan], 0.0),
+        ([], 0.0),
+    ],
+)
+def test_a_clock_that_counts_from_1970_is_read_from_the_last_whole_second_before_the_first_pose(
+    times: list[float], zero_s: float
+) -> None:
+    assert _zero_s(np.array(times)) == zero_s
+
+
+@pytest.mark.parametrize(
+    ("stated_s", "zero_s", "found_s"), [(1.7e9 + 3.0, 1.7e9, 3.0), (3.0, 1.7e9, 3.0), (-1.7e9, 5.0, -1.7e9 - 5.0)]
+)
+def test_a_time_that_counts_from_1970_is_one_of_the_recording_and_any_other_is_already(
+    stated_s: float, zero_s: float, found_s: float
+) -> None:
+    assert in_recording_s(stated_s, zero_s) == found_s
+
+
+def test_scatter_of_poses_is_that_about_parabolas_in_time_whatever_the_times() -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.05, 0.2, 4000))
+    smooth = 3 - 2 * time + 0.1 * time**2
+    assert scatter(time[:200], smooth[:200]) == pytest.approx(0.0, abs=1e-9)
+    assert scatter(time, smooth + 0.02 * rng.normal(size=4000)) == pytest.approx(0.02, rel=0.03)
+    assert scatter(time[:9], (-1.0) ** np.arange(9)) > 0.5
+    assert scatter(time[:8], (-1.0) ** np.arange(8)) == 0.0  # too few to tell
+
+
+def test_covariance_of_a_pose_is_in_mm_and_rad_and_a_frame_without_any_part_has_none() -> None:
+    values = {"time_s": [0.0, 0.1], "x_mm": [1.0, 2.0], "y_mm": [3.0, np.nan], "heading_deg": [90.0, 80.0]}
+    sigmas = {"x_sigma_mm": 0.1, "y_sigma_mm": 0.2, "heading_sigma_deg": 0.5, "xy_cov_mm2": 0.01}
+    found = poses_of(pd.DataFrame(values | sigmas))
+    angle = np.radians(0.5) ** 2
+    np.testing.assert_allclose(found.covariance[0], [[0.01, 0.01, 0], [0.01, 0.04, 0], [0, 0, angle]])
+    assert found.heading_rad[0] == pytest.approx(np.pi / 2)
+    assert np.isnan([found.x_mm[1], found.y_mm[1], found.heading_rad[1]]).all()
+    assert found.status.tolist() == ["ok", "no pose in the file"]
