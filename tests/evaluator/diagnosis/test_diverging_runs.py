@@ -14,7 +14,7 @@ from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import Task
 from simulator.effects.coordinates import Candidate, Coordinate
 
-DRIFT = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 10.0),), lambda values: {"size": values[0]})
+DRIFT = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 2.5),), lambda values: {"size": values[0]})
 COLUMN = Column("drift", 0, DRIFT)
 START = np.eye(5)[:, :3]
 
@@ -66,3 +66,11 @@ def test_a_run_diverges_whose_slope_changes_by_half_of_itself_within_a_step() ->
 def test_none_diverges_on_open_ground_or_where_no_model_explains_or_where_too_few_are_left(changes: Any) -> None:
     slopes = changes.pop("slopes", [1.0] * 3)
     assert diverging_runs.diverging_runs(search_of(slopes, [9.0, 0.0, 0.0], **changes)) == []
+
+
+def test_what_ends_at_a_bound_within_a_step_is_not_varied(monkeypatch: pytest.MonkeyPatch) -> None:
+    near = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 2.1),), lambda values: {"size": values[0]})
+    search = search_of([1.0] * 3, [9.0, 0.0, 0.0])
+    assert diverging_runs.diverging_runs(search) == [0]
+    monkeypatch.setattr(search.fits[frozenset({"drift"})], "columns", (Column("drift", 0, near),))
+    assert diverging_runs.diverging_runs(search) == []

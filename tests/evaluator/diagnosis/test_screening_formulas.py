@@ -15,6 +15,7 @@ from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate
 
 NONE = frozenset[str]()
@@ -170,3 +171,34 @@ def test_a_search_can_be_stopped_between_two_trials_of_a_step() -> None:
     problem: Any = SimpleNamespace(watch=SimpleNamespace(look=look))
     with pytest.raises(KeyboardInterrupt):
         _line_search(problem, SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("begun", "converged", "horizon_s", "steps"),
+    [
+        (False, False, np.inf, ["whole", "null", "nominal"]),
+        (True, True, np.inf, ["whole", "null", "nominal"]),
+        (True, False, np.inf, ["whole", "nominal"]),  # a null that did not converge misleads
+        (False, True, 2.5, ["whole", "null"]),
+    ],
+)
+def test_a_search_screens_at_the_null_unless_it_misleads_and_at_the_file_over_whole_runs(
+    begun: bool, converged: bool, horizon_s: float, steps: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def whole(search: Search, _: Any) -> None:
+        done.append("whole")
+        if begun:
+            search.fits[frozenset("a")] = search.null
+
+    search = searching()
+    null: Any = search.null
+    null.converged, search.problem.horizon_s = converged, horizon_s  # type: ignore[misc]
+    monkeypatch.setattr(strategy, "fit_model", lambda *_: null)
+    monkeypatch.setattr(strategy, "_fit_whole_changes", whole)
+    monkeypatch.setattr(strategy, "_from_the_null", lambda _: done.append("null"))
+    monkeypatch.setattr(strategy, "_from_the_nominal", lambda *_: done.append("nominal"))
+    monkeypatch.setattr(strategy, "extend", lambda *_: None)
+    strategy.run_search(search, null.point, null.point, no_progress)
+    assert done == steps

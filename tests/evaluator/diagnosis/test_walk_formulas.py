@@ -11,6 +11,7 @@ import pytest
 
 from evaluator.diagnosis.inference import profile_likelihood
 from evaluator.diagnosis.inference.profile_likelihood import Profile, profile_of, profiles_of
+from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate, Coordinate
@@ -137,3 +138,44 @@ def test_where_no_fit_succeeds_an_end_comes_half_of_the_way_back(monkeypatch: py
     above = [(value - MEAN) / (HIGH - MEAN) for value in tried if value > MEAN]
     assert above == pytest.approx([1.0, 0.5, 1.0, 0.75])  # half of the way to the start, then to what is known
     assert (found.high - MEAN) / (HIGH - MEAN) == pytest.approx((0.75 + 0.5) / 2)
+
+
+def test_draws_at_the_ends_of_the_linear_interval_are_at_those_of_the_profile() -> None:
+    """What else varies follows the profile, and keeps what it has beside its share of the coordinate."""
+    profile = Profile(1, 0.5, 4.0, np.array([0.5, 1.0, 4.0]), np.array([[7.0, 0.5], [3.0, 1.0], [9.0, 4.0]]))
+    mean, covariance = np.array([3.0, 1.0]), np.array([[1.0, 0.3], [0.3, 0.25]])
+    sigma = 0.5 * Z_975
+    draws = np.array([[3.0, 1.0 + sigma], [3.0, 1.0 - sigma], [3.0, 1.0]])
+    found = profile.transform(draws, mean, covariance)
+    np.testing.assert_allclose(found[:, 1], [4.0, 0.5, 1.0])
+    beside = Z_975 * 0.3 / 0.5  # what a linear view expects of the first coordinate there
+    np.testing.assert_allclose(found[:, 0], [9.0 - beside, 7.0 + beside, 3.0])
+
+
+LINE = Candidate("line", (Coordinate("size", 0.0, 1.0),), dict)
+
+
+def silent(misfit: Callable[[float], float], *, seen: bool = False) -> dict[int, float]:
+    """Reaches of a fit of one known value and one size at 1, of two runs that both miss by so much at other sizes."""
+    columns = (Column("key"), Column("line", 0, LINE))
+    common = np.zeros((3, 2))
+    common[1, 1] = seen
+    point = Point(np.zeros((2, 7)), {}, {"line": (1.0,)})
+    fit: Any = SimpleNamespace(columns=columns, point=point, runs=(0, 1), linearized=[SimpleNamespace(common=common)])
+
+    def features(tasks: Any) -> list[np.ndarray]:
+        return [np.array([0.6, 0.8]) * misfit(task.terms["line"][0] - 1.0) for task in tasks]
+
+    problem: Any = SimpleNamespace(features=features)
+    return silent_reaches(problem, fit)
+
+
+def test_what_no_run_informs_reaches_to_where_two_runs_miss_by_that_of_95_percent() -> None:
+    """By 5 a unit each beyond 3: together 1.96² at 0.277 more, found to a sixty-fourth of a doubling."""
+    found = silent(lambda size: 2.0 + 5 * max(size - 3.0, 0.0))
+    exact = 3.0 + (np.sqrt(4 + Z_975**2 / 2) - 2.0) / 5
+    assert list(found) == [1]
+    assert exact - 3.2 / 64 <= found[1] <= exact
+    assert silent(lambda _: 2.0) == {1: np.inf}
+    assert silent(lambda size: np.nan if size > 0.7 else 2.0)[1] == pytest.approx(0.7, abs=0.4 / 64)
+    assert silent(lambda _: 2.0, seen=True) == {}
