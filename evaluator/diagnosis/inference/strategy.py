@@ -128,7 +128,8 @@ def _extend_without_scatter(search: Search, fit: Fit, inside: Sequence[str], oth
     friction and gains, and 38 when fitted from there.
     """
     begin = replace(fit, point=fit.point.without_scatter())
-    view = screen(search, begin.point, inside, [term for term in others if not term.stepwise])
+    unasked = [term for term in others if not term.stepwise and term.id not in search.asked]
+    view = screen(search, begin.point, inside, unasked)
     base = view.evidence()
     gaining = [offer for offer in _ordered(view, view.offers) if view.evidence(offer) > base + PROMISING]
     missed = [(offer,) for offer in gaining if fit.terms | {offer[0]} not in search.fits]

@@ -53,8 +53,8 @@ def search_of(
         for effect in more[:most]:
             fitted(search, ids | {effect})
 
-    acts = search_ground._acts_on_drive
-    monkeypatch.setattr(search_ground, "_acts_on_drive", lambda effect: effect not in NAMES and acts(effect))
+    acts = search_ground.acts_on_drive
+    monkeypatch.setattr(search_ground, "acts_on_drive", lambda effect: effect not in NAMES and acts(effect))
     monkeypatch.setattr(search_ground, "carries_over", lambda *_: True)
     monkeypatch.setattr(search_ground, "fit_set", fitted)
     monkeypatch.setattr(search_ground, "extend", extended)
