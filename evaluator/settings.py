@@ -17,6 +17,7 @@ from evaluator.errors import InputError
 from evaluator.interchange.bags import Topics
 from evaluator.interchange.tracks import Tracks
 from evaluator.wording import counted
+from simulator.files.named import named_in
 from simulator.mark_layout import Mark, Marks, checked_layout
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
@@ -208,17 +209,17 @@ def load_experiment(path: Path | str) -> Experiment:
     """Read experiment.toml; paths in it are taken relative to it.
 
     A missing recording is a fault of its run, found during its analysis, not of the experiment.
-    Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError; InputError if tracking.toml is missing.
+    Raises OSError (also for a file outside of the sandbox, see named_in), tomllib.TOMLDecodeError,
+    pydantic.ValidationError; InputError if tracking.toml is missing.
     """
     path = Path(path)
     raw = Experiment.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    folder = path.resolve().parent
 
     def absolute(value: Path | None) -> Path | None:
-        return None if value is None else folder / value
+        return None if value is None else named_in(path, value)
 
     def robot(value: str | None) -> str | None:
-        return str(folder / value) if value is not None and value.endswith(".toml") else value
+        return str(named_in(path, value)) if value is not None and value.endswith(".toml") else value
 
     runs = tuple(
         run.model_copy(

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from simulator.errors import SimulationError
+from simulator.files.named import named_in
 from simulator.nominal_robot import Finite, Positive
 from simulator.robot import Robot, load_robot
 
@@ -140,7 +141,7 @@ def load_sweep(path: Path) -> Sweep:
     path = Path(path)
     sweep = Sweep.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     if sweep.robot.endswith(".toml"):
-        return sweep.model_copy(update={"robot": str(path.resolve().parent / sweep.robot)})
+        return sweep.model_copy(update={"robot": str(named_in(path, sweep.robot))})
     return sweep
 
 

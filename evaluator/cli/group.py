@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 
 import click
@@ -89,5 +90,15 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="turnscope")
-def turnscope() -> None:
+@click.option(
+    "--sandbox",
+    type=click.Path(exists=True, file_okay=False, resolve_path=True),
+    metavar="FOLDER",
+    help="For files of unknown origin: refuse files outside of FOLDER that an experiment, a scene or a sweep names.",
+)
+def turnscope(sandbox: str | None) -> None:
     """Measure how a skid-steered robot turns, and find out why it does not turn as the model predicts."""
+    if sandbox is not None:
+        os.environ["TURNSCOPE_SANDBOX"] = (
+            sandbox  # simulator.files.named.SANDBOX, which is not imported for a help text
+        )

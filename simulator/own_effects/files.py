@@ -43,6 +43,7 @@ from simulator.effects.free_form import scale_of_channel
 from simulator.effects.parameter import UNITS, Parameter, Unit
 from simulator.effects.view import View
 from simulator.errors import SimulationError
+from simulator.files.named import named_in
 
 FOLDER = "effects"  # beside an experiment or a robot file
 NAMED = "TURNSCOPE_EFFECTS"  # environment variable: files of effects, separated as in PATH
@@ -80,7 +81,7 @@ def load_own(path: Path) -> Effect:
 
 def load_beside(folder: Path) -> tuple[str, ...]:
     """Load the TOML files in the subfolder `effects` of a folder; returns the ids of their effects."""
-    return tuple(load_own(path).id for path in sorted((folder / FOLDER).glob("*.toml")))
+    return tuple(load_own(named_in(path, path.name)).id for path in sorted((folder / FOLDER).glob("*.toml")))
 
 
 def load_named() -> tuple[str, ...]:

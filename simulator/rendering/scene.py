@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from simulator.effects.catalogue import faults_of_effects
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
+from simulator.files.named import named_in
 from simulator.rendering.tables import (
     CameraTable,
     Distractor,
@@ -135,16 +136,16 @@ def load_run_scene(path: Path) -> Scene:
     scene = Scene.model_validate(_content(path))
     changes = _absolute(path, scene)
     if scene.robot.endswith(".toml"):
-        changes["robot"] = str(Path(path).resolve().parent / scene.robot)
+        changes["robot"] = str(named_in(path, scene.robot))
     if isinstance(scene.motion, Given):
-        changes["motion"] = scene.motion.model_copy(update={"file": Path(path).resolve().parent / scene.motion.file})
+        changes["motion"] = scene.motion.model_copy(update={"file": named_in(path, scene.motion.file)})
     return scene.model_copy(update=changes)
 
 
 def load_gauge_scene(path: Path) -> GaugeScene:
     """Read a scene of kind "gauge"."""
     scene = GaugeScene.model_validate(_content(path))
-    return scene.model_copy(update={**_absolute(path, scene), "gauge": Path(path).resolve().parent / scene.gauge})
+    return scene.model_copy(update={**_absolute(path, scene), "gauge": named_in(path, scene.gauge)})
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -153,7 +154,7 @@ def _content(path: Path) -> dict[str, Any]:
     rig = content.get("rig")
     if not isinstance(rig, str):
         return content
-    below = tomllib.loads((Path(path).parent / rig).read_text(encoding="utf-8"))
+    below = tomllib.loads(named_in(path, rig).read_text(encoding="utf-8"))
     for key, value in content.items():
         old = below.get(key)
         below[key] = {**old, **value} if isinstance(old, dict) and isinstance(value, dict) else value
@@ -162,10 +163,9 @@ def _content(path: Path) -> dict[str, Any]:
 
 def _absolute(path: Path, scene: SceneBase) -> dict[str, Any]:
     """Paths that every scene may name, made absolute."""
-    folder = Path(path).resolve().parent
     changes: dict[str, Any] = {
-        name: folder / value for name in ("output", "truth") if (value := getattr(scene, name)) is not None
+        name: named_in(path, value) for name in ("output", "truth") if (value := getattr(scene, name)) is not None
     }
     if scene.camera.file is not None:
-        changes["camera"] = scene.camera.model_copy(update={"file": folder / scene.camera.file})
+        changes["camera"] = scene.camera.model_copy(update={"file": named_in(path, scene.camera.file)})
     return changes

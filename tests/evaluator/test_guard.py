@@ -61,6 +61,10 @@ def test_an_access_violation_of_windows_is_a_crash() -> None:
 def test_only_commands_that_read_media_have_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(CHILD, raising=False)
     assert needs_child(["track", "a.mp4"])
+    assert needs_child(["--sandbox", "track", "track", "a.mp4"])
+    assert needs_child(["--sandbox=.", "track", "a.mp4"])
+    assert not needs_child(["--sandbox", "track", "simulate"])
+    assert not needs_child(["--sandbox", "track"])
     assert not needs_child(["track", "--help"])
     assert not needs_child(["simulate"])
     assert not needs_child([])
