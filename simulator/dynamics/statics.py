@@ -8,7 +8,9 @@ that would have to pull has lifted off: it carries nothing and has no attraction
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NoReturn
 
 import numpy as np
@@ -17,8 +19,10 @@ from numpy.typing import NDArray
 from simulator.errors import SimulationError
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Point = tuple[float, float]
 BALANCED = 1e-9  # residual of a balance by rounding, as a share of the weight
+MOST_SEARCHED = 10  # supports, of which a thousand sets are tried in some hundredths of a second
 
 
 @dataclass(frozen=True)
@@ -87,24 +91,49 @@ def _stiff(places: Array, weight: float, gravity: Point) -> tuple[Array | None, 
 
 
 def _lifted(name: str, places: Array, weight: float, gravity: Point, attraction: Array) -> tuple[Array, Array]:
-    """Weight shares and loads where supports lift off: they are removed one by one; one that would press returns."""
-    count = len(places)
-    resting = np.ones(count, dtype=np.bool_)
-    for _ in range(2 * count):
-        found, plane = _stiff(places[resting], weight, gravity) if resting.any() else (None, np.zeros(3))
+    """Weight shares and loads where supports lift off: they are removed one by one; one that would press returns.
+
+    With magnets this may go round in circles, or end without a balance: then the largest set that balances is searched.
+    """
+    resting = np.ones(len(places), dtype=np.bool_)
+    for _ in range(2 * len(places)):
+        found = _on(resting, places, weight, gravity, attraction)
         if found is None:
-            _fails(name, gravity)
-        share, load = np.zeros(count), np.zeros(count)
-        share[resting] = found
-        load[resting] = found + attraction[resting]
-        sunk = np.column_stack([np.ones(count), places - gravity]) @ plane
+            break
+        share, load, pressing = found
         if load.min() < -BALANCED * weight:
             resting[np.argmin(load)] = False
-        elif (pressing := ~resting & (sunk > BALANCED * weight)).any():
+        elif pressing.any():
             resting |= pressing
         else:
             return share, np.maximum(load, 0.0)
+    for resting in _sets(len(places)):
+        found = _on(resting, places, weight, gravity, attraction)
+        if found is not None and found[1].min() >= -BALANCED * weight and not found[2].any():
+            return found[0], np.maximum(found[1], 0.0)
     return _fails(name, gravity)
+
+
+def _on(
+    resting: Flags, places: Array, weight: float, gravity: Point, attraction: Array
+) -> tuple[Array, Array, Flags] | None:
+    """Shares and loads (n,) on the resting supports, and which of the others would press; None without a balance."""
+    found, plane = _stiff(places[resting], weight, gravity) if resting.any() else (None, np.zeros(3))
+    if found is None:
+        return None
+    share, load = np.zeros(len(places)), np.zeros(len(places))
+    share[resting] = found
+    load[resting] = found + attraction[resting]
+    sunk = np.column_stack([np.ones(len(places)), places - gravity]) @ plane
+    return share, load, ~resting & (sunk > BALANCED * weight)
+
+
+def _sets(count: int) -> Iterator[Flags]:
+    """Every set of supports on which a robot can stand, as masks (n,), the largest first; none of too many supports."""
+    if count <= MOST_SEARCHED:
+        for size in range(count - 1, 2, -1):
+            for chosen in combinations(range(count), size):
+                yield np.isin(np.arange(count), chosen)
 
 
 def _fails(name: str, gravity: Point) -> NoReturn:

@@ -188,6 +188,14 @@ def test_rectangle_is_four_corners_along_the_axes_and_nothing_else(places: np.nd
         assert rectangle.corners == ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
+def test_magnets_hold_a_robot_on_three_of_four_supports_where_removing_one_by_one_ends_without_a_balance() -> None:
+    places = np.array([[-0.098, -0.158], [-0.710, -0.255], [0.194, -1.162], [-1.869, 0.526]])
+    share, load = wheel_loads("robot", places, 1104.0, (-0.030, 0.020), np.full(4, 229.0))
+    assert load == pytest.approx([1715.0, 22.7, 53.0, 0.0], abs=3.0)
+    assert share.sum() == pytest.approx(1104.0)
+    assert share @ (places - [-0.030, 0.020]) == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
 def test_a_support_that_lifted_off_presses_again_where_the_body_sinks_there() -> None:
     """Of a square with the weight over the left side and a sixth support far right, both right supports are lifted.
 
