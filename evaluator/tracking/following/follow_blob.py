@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ OUTLINE = 1.0  # variance of the centre over (relative variance of the area × s
 SLOWLY, SETTLED = 0.05, 10  # weight of a new squared change of the area; frames after which outliers are limited
 SMALLEST_PX = 4.0  # least distance around a position within which the blob is looked for
 SHUTTER = (0.5, 12**-0.5)  # open share of the interval and its standard uncertainty: uniform from 0 to 1
+NEARBY = 3.0  # radii: largest distance of a mark from its predicted position while its speed is unknown
 
 
 class Look(NamedTuple):
@@ -175,3 +177,27 @@ class BlobFollower(Motion):
             # A second difference has six times the variance of one value; single outliers are limited.
             square = min((first - 2.0 * middle + last) ** 2 / 6.0, 9.0 * self.unsteady if self.seen > SETTLED else 1.0)
             self.unsteady += max(SLOWLY, 1.0 / self.seen) * (square - self.unsteady)
+
+
+def look_back(
+    followers: Mapping[str, object], names: Sequence[str], before: Sequence[tuple[Frame, list[Sighting]]], cell: Array
+) -> int:
+    """Measure blobs in the frames before they were begun, in place; returns the number of first frames without any.
+
+    names: of the marks, in the order of the sightings.
+    """
+    missed = len(before)
+    for k, name in enumerate(names):
+        begun = followers.get(name)
+        if not isinstance(begun, BlobFollower) or begun.position is None:
+            continue
+        blob = replace(begun, outline=[])
+        place, step = np.array(begun.position), np.zeros(2)
+        for row, (frame, sightings) in reversed(list(enumerate(before))):
+            x, y = (place + step).tolist()
+            one = blob.look_at(frame, cell, (x, y), NEARBY * blob.radius_px, 0.0)
+            if one.status != OK:
+                break
+            sightings[k], missed = one, min(missed, row)
+            place, step = np.array([one.x, one.y]), np.array([one.x, one.y]) - place
+    return missed

@@ -15,7 +15,7 @@ from evaluator.tracking.detection.lookalikes import RESTING_PX, Rivals, mover
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import Follower
-from evaluator.tracking.following.follow_blob import Array, BlobFollower, start_blob
+from evaluator.tracking.following.follow_blob import NEARBY, Array, BlobFollower, start_blob
 from evaluator.tracking.observation import OK, REPEATED, Sighting
 from evaluator.tracking.refinement.blob import OTHER_HUE, elongation
 from evaluator.tracking.refinement.learn_shape import finished
@@ -43,7 +43,6 @@ CLEARER = 0.25
 # Radius of a blob over that of its disc, and what chroma of half the resolution adds, px: in 13 drawn clips the ratio
 # is at most 1.04 from 12 px on, and the difference at most 1.3 px below; a ring of light on a sticker made it 1.8.
 WIDER, FRINGE_PX = 1.25, 1.2
-NEARBY = 3.0  # radii: largest distance of a mark from its predicted position while its speed is unknown
 
 
 def try_blob(

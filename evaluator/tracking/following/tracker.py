@@ -17,7 +17,7 @@ from evaluator.tracking.detection.search import Search, mean_light
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import RELEARN_AT, Array, Follower
-from evaluator.tracking.following.follow_blob import BlobFollower, start_blob
+from evaluator.tracking.following.follow_blob import BlobFollower, look_back, start_blob
 from evaluator.tracking.following.lessons import LEARNING_FRAMES, Lessons
 from evaluator.tracking.following.motion import Point
 from evaluator.tracking.following.pair import Body
@@ -68,21 +68,28 @@ class Tracker:
         The first LEARNING_FRAMES frames with a mark are delayed until its shape is learnt from them.
         """
         self._source = getattr(recording, "name", self._source)
-        held: list[Held] = []
-        unlearnt: list[Held] = []  # frames before a mark was replaced by another object; measured with first shapes
-        learnt = False
+        before, held = list[Held](), list[Held]()  # last frames before a mark was begun, which may show it; with marks
+        unlearnt, learnt = list[Held](), False  # frames before a mark was replaced; measured with first shapes
         for frame in recording:
             began, sightings = dict(self.began), self.step(frame)
             if self.began != began:  # a mark was replaced: the held frames show another object
                 yield from unlearnt
                 unlearnt, held, learnt = held, [], False
-            if not self.followers or learnt:
+            if learnt:
                 yield frame, sightings
                 continue
-            held.append((frame, sightings))
+            if not self.followers:
+                before = [*unlearnt, *held, *before, (frame, sightings)]
+                yield from before[: 1 - DISCLESS]
+                unlearnt, held, before = [], [], before[1 - DISCLESS :]
+                continue
+            missed = look_back(self.followers, self.names, before, self.cell)
+            yield from before[:missed]
+            held, before = [*held, *before[missed:], (frame, sightings)], []
             if len(held) == LEARNING_FRAMES:
                 yield from self._learnt(unlearnt, held)
                 unlearnt, held, learnt = [], [], True
+        yield from before
         yield from self._learnt(unlearnt, held)
 
     def _learnt(self, unlearnt: list[Held], held: list[Held]) -> list[Held]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evaluator.recording import open_recording
 from evaluator.tracking import TrackingSettings, track
-from tests.benchmarks.public_data.sets import BALL, FIELD, HELD, SQUARES, Published
+from tests.benchmarks.public_data.sets import BALL, FIELD, HELD, PENDULUM, SQUARES, Published
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -54,9 +54,9 @@ def marks(folder: Path) -> None:
                 _pair(one, path, (color, "blue"))
     if (path := _there(BALL, folder)) is not None:
         _ball(path)
-    for one in HELD:
+    for one in (*HELD, PENDULUM):
         if (path := _there(one, folder)) is not None:
-            _held(one.name, path)
+            _large_ball(one.name, path, "red" if one is PENDULUM else "green")
 
 
 def _there(one: Published, folder: Path) -> Path | None:
@@ -118,13 +118,16 @@ def _ball(path: Path) -> None:
     print(f"{BALL.name}: {cells[0]} | {cells[1]}; {seconds:.1f} s")
 
 
-def _held(name: str, path: Path) -> None:
-    """A striped ball in a hand, without truth: frames found by either method, and those in which they differ."""
-    ours, seconds = _tracked(path, {"mark": {"green": {}}})
-    theirs = _threshold(path, "green", (0, 0, 1e9, 1e9), least=25)
-    seen, other = np.isfinite(ours["green"][:, 0]), np.isfinite(theirs[:, 0])
-    off = np.hypot(*(ours["green"] - theirs).T)[seen & other]
-    print(f"{name}: {seen.sum():4d} | {other.sum():4d} frames; {(off > BALL_PX).sum()} differ; {seconds:.1f} s")
+def _large_ball(name: str, path: Path, color: str) -> None:
+    """A ball without truth: frames found by either method, those in which they differ, and the usual distance."""
+    ours, seconds = _tracked(path, {"mark": {color: {}}})
+    theirs = _threshold(path, color, (0, 0, 1e9, 1e9), least=25)
+    seen, other = np.isfinite(ours[color][:, 0]), np.isfinite(theirs[:, 0])
+    off = np.hypot(*(ours[color] - theirs).T)[seen & other]
+    print(
+        f"{name}: {seen.sum():4d} | {other.sum():4d} frames; {(off > BALL_PX).sum()} differ, usually by "
+        f"{np.median(off):.2f} px; {seconds:.1f} s"
+    )
 
 
 def _threshold(path: Path, name: str, region_px: Box, least: int = 80) -> Array:

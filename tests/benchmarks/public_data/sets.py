@@ -94,6 +94,7 @@ HELD = tuple(
     Published(f"hand-held ball {number}", "trflorian/ball-tracking-live-plot", "MIT", f"media/ball{number}.mp4")
     for number in (2, 3, 4)
 )
+PENDULUM = Published("pendulum", "juangomez177/Pendulum_Oscillatory_Motion", "none stated", "pendulum.mp4")
 SQUARES = tuple(
     Published(f"halves of squares {number}", "RoBorregos/VSSS-2019-legacy", "none stated", f"vision/media/{name}.mp4")
     for number, name in enumerate(("test", "test2"), start=1)

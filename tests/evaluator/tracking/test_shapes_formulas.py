@@ -13,7 +13,7 @@ from evaluator.tracking.detection.appearance import Appearance
 from evaluator.tracking.following import follow_blob
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import Follower
-from evaluator.tracking.following.follow_blob import BlobFollower
+from evaluator.tracking.following.follow_blob import BlobFollower, look_back
 from evaluator.tracking.following.shape import try_blob
 from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.refinement.disc import Disc, make_disc
@@ -247,3 +247,18 @@ def test_a_disc_that_is_a_small_part_of_its_colour_is_a_reflection_on_the_mark(
     ]
     found = try_blob(follower(area_px2=1256.6), 0, held, np.ones(4), disc_px=20.0 * share)
     assert (found is not None) == taken
+
+
+def test_a_blob_is_measured_in_the_frames_before_it_was_begun_back_to_where_it_is_not_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It moves by ten pixels a frame, and is too far away in the second frame."""
+    shown = {0: 20.0, 1: 90.0, 2: 30.0, 3: 40.0}
+    monkeypatch.setattr(follow_blob, "blobs_around", lambda frame, *_: [blob(center_px=(shown[frame.index], 40.0))])
+    before: list[Any] = [
+        (SimpleNamespace(index=k, time_s=k / 30, size_px=(100, 80)), [ABSENT["not seen"]] * 2) for k in range(4)
+    ]
+    assert look_back({"other": "disc", "mark": follower()}, ("other", "mark"), before, np.ones(4)) == 2
+    assert [sightings[1].x for _, sightings in before[2:]] == [30.0, 40.0]
+    assert [sightings[1].status for _, sightings in before[:2]] == ["not seen"] * 2
+    assert all(sightings[0].status == "not seen" for _, sightings in before)

@@ -138,7 +138,8 @@ def test_the_first_twelve_frames_with_a_mark_are_given_once_its_shape_is_learnt(
         assert sightings == [at(seen.index, 0.0)]
     assert given == list(range(frames))
     assert lessons[0] == min(frames - 3, 12)
-    assert order == [0, 1, 2, *[3] * min(frames - 3, 12), *range(15, frames)]
+    # Two frames wait for a mark that may be in them.
+    assert order == [0, 0, 0, 1, *[3] * (min(frames - 3, 12) - 1), *range(15, frames)]
 
 
 def test_of_pairs_that_look_alike_the_one_that_moved_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,3 +174,19 @@ def test_marks_begin_with_the_colours_of_all_others_and_at_no_place_of_another(m
     one._start_all(frame(), {"green": GREEN}, 0.25)
     assert begun == [("green", GREEN, (GREEN, [pytest.approx((128.6, 128.8))], (128.0, 128.25)))]
     assert len(noted) == 1
+
+
+def test_frames_leave_in_order_if_a_mark_is_given_up_and_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = following()
+    monkeypatch.setattr(one, "_learnt", lambda unlearnt, held: [*unlearnt, *held])
+    monkeypatch.setattr(module, "look_back", lambda _followers, _names, before, _cell: len(before) // 2)
+
+    def step(shown: Any) -> list[Sighting]:
+        one.followers = {"green": Disc()} if 4 <= shown.index < 7 or shown.index >= 9 else {}
+        return [ABSENT["not seen"]] * 2
+
+    monkeypatch.setattr(one, "step", step)
+    frames = [frame(index) for index in range(50)]
+    assert [shown.index for shown, _ in one.run(frames)] == list(range(50))
+    one.followers, frames = {}, frames[:3]
+    assert [shown.index for shown, _ in one.run(frames)] == list(range(3))
