@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.tracking.detection.appearance import Appearance
-from evaluator.tracking.following import follow_blob
+from evaluator.tracking.following import follow_blob, shape
 from evaluator.tracking.following.equal_discs import agree
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower, look_back
@@ -236,7 +236,7 @@ def test_a_blob_that_is_soon_lost_does_not_replace_a_disc(
     assert (try_blob(follower(time_s=0.0), 0, held, np.ones(4)) is not None) == taken
 
 
-@pytest.mark.parametrize(("share", "taken"), [(0.85, False), (0.6, True)])
+@pytest.mark.parametrize(("share", "taken"), [(0.755, False), (0.75, True)])  # a quarter wider, and 1.2 px
 def test_a_disc_that_is_a_small_part_of_its_colour_is_a_reflection_on_the_mark(
     share: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -262,3 +262,40 @@ def test_a_blob_is_measured_in_the_frames_before_it_was_begun_back_to_where_it_i
     assert [sightings[1].x for _, sightings in before[2:]] == [30.0, 40.0]
     assert [sightings[1].status for _, sightings in before[:2]] == ["not seen"] * 2
     assert all(sightings[0].status == "not seen" for _, sightings in before)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_a_smear_is_no_oblong_shape_however_long_the_shutter_is_open(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mark that moves by 60 px a frame, smeared along that for a share of it."""
+    spread = np.diag([25.0 + (60.0 * share) ** 2 / 12, 25.0])
+    centers = iter([(60.0 * k, 40.0) for k in range(1, 9)])
+    monkeypatch.setattr(follow_blob, "blobs_around", lambda *_: [blob(center_px=next(centers), spread_px2=spread)])
+    held: list[Any] = [
+        (SimpleNamespace(index=k, time_s=k / 30, size_px=(1000, 80)), Sighting(60.0 * k, 40.0, 1e-4, 1e-4, 0.0, OK))
+        for k in range(1, 9)
+    ]
+    assert try_blob(follower(position=(0.0, 40.0), velocity=(1800.0, 0.0)), 0, held, np.ones(4)) is None
+
+
+@pytest.mark.parametrize(("clearer", "taken"), [(0.24, True), (0.26, False)])
+def test_a_disc_is_left_for_a_colour_whose_centre_has_a_quarter_of_its_variance(
+    clearer: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    variances, reaches = iter([clearer, 1.0]), list[float]()
+    look = BlobFollower.look_at
+
+    def look_at(one: BlobFollower, frame: Any, cell: Any, place: Any, reach: float, interval_s: float) -> Sighting:
+        reaches.append(reach)
+        return look(one, frame, cell, place, reach, interval_s)
+
+    monkeypatch.setattr(follow_blob, "blobs_around", lambda *_: [blob(spread_px2=25 * np.eye(2))])
+    monkeypatch.setattr(BlobFollower, "look_at", look_at)
+    monkeypatch.setattr(shape, "_variance", lambda _: next(variances))
+    held: list[Any] = [
+        (SimpleNamespace(index=k, time_s=k / 30, size_px=(100, 80)), Sighting(50.0, 40.0, 1e-4, 1e-4, 0.0, OK))
+        for k in range(4)
+    ]
+    assert (try_blob(follower(), 0, held, np.ones(4)) is not None) == taken
+    assert reaches == pytest.approx([3.0 * np.sqrt(AREA / np.pi)] * 4)  # three radii about where it is expected

@@ -12,7 +12,7 @@ from evaluator.tracking.following import tracker as module
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.tracker import Tracker
-from evaluator.tracking.observation import ABSENT, OK, Sighting
+from evaluator.tracking.observation import ABSENT, OK, REPEATED, Sighting
 from evaluator.tracking.settings import TrackingSettings
 
 LOST = ABSENT["not seen"]
@@ -157,6 +157,7 @@ def test_what_hardly_ever_fitted_is_given_up(follower: Any, given_up: bool) -> N
         (3, 100, ["view"]),
         (32, 600, ["view", "light"]),  # seldom once it was seen in 512 frames
         (34, 600, ["view"]),
+        (33, 600, ["view"]),
         (3, 60, ["view", 9]),  # every third of 25 views, twelve at most
         (3, 240, ["view", 9]),
         (3, 61, ["view"]),
@@ -182,3 +183,20 @@ def test_a_disc_that_is_smaller_now_is_followed_as_a_blob_once_the_first_frames_
         one._settled = settled
         one._note("green", frame(1), at(1.0, 2.0))
         assert (one.followers["green"] is blob) == settled
+
+
+@pytest.mark.parametrize(("step_px", "again"), [(0.29, False), (0.31, True)])
+def test_a_repeated_frame_shows_earlier_places_of_marks_that_move_by_three_tenths_of_a_pixel(
+    step_px: float, again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, repeated, looked = following(green=Disc(velocity=(60 * step_px, 0.0)), yellow=Disc()), frame(1), list[Any]()
+    one._shape, repeated.repeated = (8, 8), True
+    one.followers["yellow"].velocity = (0.0, 0.0)
+    monkeypatch.setattr(one, "_discover", lambda _: None)
+    monkeypatch.setattr(one, "_all_followed", lambda *_: looked.append(1) or [at(1.0, 2.0), at(41.0, 2.0)])
+    monkeypatch.setattr(one, "_note", lambda *_: None)
+    for mark in one.followers.values():
+        monkeypatch.setattr(mark, "accept", lambda *_: None)
+    found = one.step(repeated)
+    assert ([sighting.status for sighting in found] == [REPEATED] * 2) == again
+    assert len(looked) == (not again)
