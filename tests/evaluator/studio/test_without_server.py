@@ -85,6 +85,16 @@ def test_a_change_is_taken_back_and_made_again_unless_the_file_has_changed_since
         past.step(everything, "redo", 3)
 
 
+def test_a_change_can_be_made_again_until_its_file_is_changed_otherwise(tmp_path: Path) -> None:
+    one, other, past = tmp_path / "a", tmp_path / "b", History()
+    past.record([one], "a", lambda: one.write_bytes(b"1"))
+    past.step(one.__eq__, "undo", 1)
+    past.record([other], "b", lambda: other.write_bytes(b"2"))
+    assert past.next_steps(one.__eq__) == {"undo": None, "redo": {"number": 1, "words": "a"}}
+    past.record([one, other], "both", lambda: one.write_bytes(b"3"))
+    assert past.next_steps(one.__eq__) == {"undo": {"number": 3, "words": "both"}, "redo": None}
+
+
 def test_the_oldest_changes_are_forgotten_first_and_the_last_never(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
