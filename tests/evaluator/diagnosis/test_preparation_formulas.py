@@ -1,0 +1,77 @@
+"""How a problem is prepared from runs: shifts by what is fitted, the first seconds, terms without influence."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood import preparation
+from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
+from evaluator.diagnosis.likelihood.noise.friction_wander import MODES
+from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.likelihood.preparation import friction_shifts, within_horizon
+from evaluator.diagnosis.likelihood.run_data import Task
+from simulator.effects.coordinates import Candidate, Coordinate
+
+HALF_MM = 1.83
+
+
+def marks_at(x: float, y: float, heading: float) -> np.ndarray:
+    """Marks (9, 4) of a path that is moved and turned about the origin of the plate."""
+    way = np.exp(1j * (heading + np.linspace(0.2, 1.0, 9))) * 6 + complex(x, y)
+    across = 1j * HALF_MM * np.exp(1j * (heading + np.linspace(0.5, 1.3, 9)))
+    return np.column_stack([(way + across).real, (way + across).imag, (way - across).real, (way - across).imag])
+
+
+def test_shifts_by_a_start_are_those_of_a_path_that_is_moved_and_turned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction of one moves the marks by 0.3 mm along x, by its difference quotient."""
+    used = np.arange(9) != 4
+
+    def marks(tasks: list[Task]) -> list[np.ndarray]:
+        return [marks_at(0, 0, 0) + 0.3 * task.per_run[3] * np.array([1, 0, 1, 0]) for task in tasks]
+
+    robot: Any = SimpleNamespace(wheel_positions_mm=lambda: np.zeros((4, 2)))
+    problem: Any = SimpleNamespace(
+        per_run_steps=np.full(7, 1e-3), half_distance_mm=HALF_MM, compressions=[SimpleNamespace(used=used)],
+        forward=SimpleNamespace(robots=[robot], marks=marks),
+    )  # fmt: skip
+    monkeypatch.setattr(preparation, "wheel_friction", lambda count: () if count == 4 else None)
+    monkeypatch.setattr(preparation, "wheel_paths", lambda *_: None)
+    monkeypatch.setattr(preparation, "wander_shifts", lambda *_: np.ones((MODES, 9, 4)))
+    ((known, wander),) = friction_shifts(problem, Point(np.zeros((1, 7))), [0])
+    base = channels_of(marks_at(0, 0, 0))
+    for number, step in enumerate(1e-6 * np.eye(3)):
+        moved = channel_residual(channels_of(marks_at(*step)), base, HALF_MM) / 1e-6
+        np.testing.assert_allclose(known[number], moved[used], atol=1e-4)
+    np.testing.assert_allclose(known[3], np.tile([0.3, 0, 0, 0], (8, 1)), atol=1e-9)
+    assert wander.shape == (MODES, 8, 4)
+
+
+def test_the_first_seconds_of_runs_end_with_the_last_frame_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    counting = [np.arange(20) < 7, np.isin(np.arange(20), [3, 4, 11])]
+    runs = [SimpleNamespace(first=lambda count, run=run: (run, count)) for run in range(2)]
+    problem: Any = SimpleNamespace(
+        data=runs, channels=[np.arange(20), np.arange(20)], counting_frames=lambda run: counting[run],
+        forward=SimpleNamespace(of_frames=lambda data: ("forward", data)),
+    )  # fmt: skip
+    monkeypatch.setattr(preparation, "replace", lambda item, **more: SimpleNamespace(**{**vars(item), **more}))
+    monkeypatch.setattr(preparation, "with_noise_of", lambda short, point: (short, point))
+    short, point = within_horizon(problem, "point", 2.5)  # type: ignore[arg-type, misc]
+    assert (point, short.horizon_s) == ("point", 2.5)
+    assert short.data == ((0, 7), (1, 12))
+    assert [item.tolist() for item in short.channels] == [list(range(7)), list(range(12))]
+    assert short.forward == ("forward", ((0, 7), (1, 12)))
+
+
+def test_terms_that_change_nothing_are_left_out_of_a_point_where_they_are_columns() -> None:
+    term = Candidate("line", (Coordinate("size", 0.0, 1.0),), dict)
+    other = Candidate("other", (Coordinate("factor", 1.0, 0.1),), dict)
+    columns = (Column("key"), Column("line", 0, term), Column("other", 0, other))
+    point = Point(np.zeros((1, 7)), {"key": 0.5}, {"line": (0.0,), "other": (1.2,), "third": (0.0,)})
+    found = point.without_absent(columns)
+    assert (found.terms, found.nominal) == ({"other": (1.2,), "third": (0.0,)}, {"key": 0.5})
+    assert found.without_absent(columns) is found
+    assert Point(point.per_run, {}, {"other": (1.0,)}).without_absent(columns).terms == {}
