@@ -151,3 +151,14 @@ def test_a_slow_wave_goes_on_in_frames_that_are_missing(mode: int) -> None:
     for missing in (np.array([7, 8, 15]), np.array([23]), np.array([0])):
         seen = np.setdiff1d(slots, missing)
         assert _slow_part(wave[seen], seen, missing, 5) == pytest.approx(wave[missing], abs=0.05)
+
+
+@pytest.mark.parametrize("hz", [0.4, 0.55])
+def test_gaps_in_a_misfit_below_the_slowest_noise_make_no_fast_noise(hz: float) -> None:
+    """Of a power of 300 less than a hundredth lies above 2 Hz; filled with a mean, it would be 2 and more."""
+    time = np.arange(600) / 60
+    residual = np.cos(2 * np.pi * hz * time)
+    residual[200:212] = residual[400:404] = np.nan
+    found = spectrum(time, residual)
+    assert found.power_mm2[found.frequency_hz > 2].sum() < 0.01
+    assert found.power_mm2.sum() == pytest.approx(300, rel=0.1)
