@@ -54,9 +54,9 @@ def marks(folder: Path) -> None:
                 _pair(one, path, (color, "blue"))
     if (path := _there(BALL, folder)) is not None:
         _ball(path)
-    for one in (*HELD, PENDULUM):
+    for one, color, least in (*((ball, "green", 25) for ball in HELD), (PENDULUM, "red", 80)):
         if (path := _there(one, folder)) is not None:
-            _large_ball(one.name, path, "red" if one is PENDULUM else "green")
+            _large_ball(one.name, path, color, least)
 
 
 def _there(one: Published, folder: Path) -> Path | None:
@@ -118,10 +118,13 @@ def _ball(path: Path) -> None:
     print(f"{BALL.name}: {cells[0]} | {cells[1]}; {seconds:.1f} s")
 
 
-def _large_ball(name: str, path: Path, color: str) -> None:
-    """A ball without truth: frames found by either method, those in which they differ, and the usual distance."""
+def _large_ball(name: str, path: Path, color: str, least: int) -> None:
+    """A ball without truth: frames found by either method, those in which they differ, and the usual distance.
+
+    least: argument of `_threshold`.
+    """
     ours, seconds = _tracked(path, {"mark": {color: {}}})
-    theirs = _threshold(path, color, (0, 0, 1e9, 1e9), least=25)
+    theirs = _threshold(path, color, (0, 0, 1e9, 1e9), least)
     seen, other = np.isfinite(ours[color][:, 0]), np.isfinite(theirs[:, 0])
     off = np.hypot(*(ours[color] - theirs).T)[seen & other]
     print(
@@ -142,7 +145,7 @@ def _threshold(path: Path, name: str, region_px: Box, least: int = 80) -> Array:
         for frame in container.decode(video=0):
             shown = frame.to_ndarray(format="rgb24")[top : bottom + 1, left : right + 1]
             hsv = cv2.cvtColor(np.ascontiguousarray(shown), cv2.COLOR_RGB2HSV_FULL)
-            turned = (hsv[..., 0].astype(np.int16) * 360 // 256 - round(low)) % 360
+            turned = (hsv[..., 0].astype(np.int32) * 360 // 256 - round(low)) % 360
             mask = ((turned < (high - low) % 360) & (hsv[..., 1] > least) & (hsv[..., 2] > least)).astype(np.uint8)
             count, _, stats, centers = cv2.connectedComponentsWithStats(mask, connectivity=8)
             best = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) if count > 1 else 0
