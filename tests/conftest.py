@@ -43,12 +43,6 @@ def pytest_configure() -> None:
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than cores, for -n auto: a quarter of the time tests wait for browsers and processes."""
-    return (os.cpu_count() or 1) + 1
-
-
-@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
     """Keep the tests of a file in one worker: what they share is made once, not once in every worker."""
     if config.getoption("dist") != "load":  # chosen on the command line
