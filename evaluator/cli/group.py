@@ -98,7 +98,5 @@ class LazyGroup(click.Group):
 )
 def turnscope(sandbox: str | None) -> None:
     """Measure how a skid-steered robot turns, and find out why it does not turn as the model predicts."""
-    if sandbox is not None:
-        os.environ["TURNSCOPE_SANDBOX"] = (
-            sandbox  # simulator.files.named.SANDBOX, which is not imported for a help text
-        )
+    if sandbox is not None:  # read by simulator.files.named, whose import a help text need not wait for
+        os.environ["TURNSCOPE_SANDBOX"] = sandbox

@@ -25,12 +25,13 @@ BAD_INPUT, INTERRUPTED = 2, 130  # exit statuses, as of other programs on Unix
 FIRST_FATAL_ON_WINDOWS = 0xC0000000  # larger exit codes are exceptions of the system, such as access violations
 
 
-def needs_child(arguments: list[str]) -> bool:
+def needs_child(arguments: Sequence[str]) -> bool:
     """Whether a command line runs in a child process; a request for help does not."""
-    first = 2 if arguments[:1] == ["--sandbox"] else sum(item.startswith("--sandbox=") for item in arguments[:1])
+    if arguments and arguments[0].startswith("--sandbox"):
+        arguments = arguments[1 if "=" in arguments[0] else 2 :]
     return (
-        len(arguments) > first
-        and arguments[first] in READING
+        bool(arguments)
+        and arguments[0] in READING
         and CHILD not in os.environ
         and bool(sys.executable)
         and not {"-h", "--help"} & set(arguments)

@@ -78,9 +78,9 @@ def check_experiment(path: Path) -> Check:
         faults.append(str(error))
     written = _written(path)
     faults += _faults_of_named_files(written) if written else ()
-    runs = experiment.run if experiment and written else ()
+    runs, spans_s = experiment.run if experiment else (), written.spans_s if written else {}
     faults += [fault for run in runs for fault in _faults_of_topics(run)]
-    faults += [fault for run in runs if (fault := _outside(run, written.spans_s if written else {}))]
+    faults += [fault for run in runs if (fault := _outside(run, spans_s))]
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
     mistakes: tuple[str, ...] = ()

@@ -6,7 +6,8 @@ import errno
 import os
 from pathlib import Path
 
-SANDBOX = "TURNSCOPE_SANDBOX"  # environment variable: the folder that no named file may leave; so are other processes
+# Environment variable, which other processes inherit: the folder outside of which no named file may lie.
+SANDBOX = "TURNSCOPE_SANDBOX"
 
 
 def named_in(file: Path | str, name: Path | str) -> Path:

@@ -91,6 +91,11 @@ class Item:
         return own if self.twin is None else f"{own}={self.twin.name}"
 
     @property
+    def parts(self) -> tuple[Item, ...]:
+        """The item and its twin, if there is one: on both acts one coefficient."""
+        return (self,) if self.twin is None else (self, self.twin)
+
+    @property
     def of_plate(self) -> bool:
         """Whether it depends on the robot's position or direction on the plate."""
         return is_of_plate(CHANNELS[self.channel], BASES[self.basis])
@@ -113,12 +118,7 @@ class FreeTerm(Candidate):
 
     def acting(self, values: Sequence[float]) -> list[tuple[Item, float]]:
         """Every item on which a coefficient acts, with its value."""
-        return [
-            (part, float(value))
-            for item, value in zip(self.items, values, strict=True)
-            for part in (item, item.twin)
-            if part is not None
-        ]
+        return [(part, float(value)) for item, value in zip(self.items, values, strict=True) for part in item.parts]
 
     def describe(self) -> str:
         """The family in plain words."""

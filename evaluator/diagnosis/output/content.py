@@ -45,7 +45,7 @@ class EffectContent(TypedDict):
 
     id: str  # as in [[effect]] of robot.toml, or "free-form"
     name: str  # in words
-    parameters: dict[str, Bounded]  # intervals allow for a further effect that gains too little to be named
+    parameters: dict[str, Bounded]  # by name; intervals allow for a further effect that gains too little to be named
     equivalent: list[str]  # ids of effects that these runs cannot distinguish from it, most similar first
     probability: float  # that the effect is present, given the runs and all sets of effects that were compared
     terms: NotRequired[list[TermContent]]  # of a free-form effect

@@ -59,7 +59,7 @@ def effect_tables(
 def _free_tables(term: FreeTerm, values: tuple[float, ...], bounds: Mapping[str, Bounded]) -> list[str]:
     lines, names = [], list(term.physical(values))
     for name, item, value in zip(names, term.items, values, strict=True):
-        for part in (item, item.twin) if item.twin else (item,):
+        for part in item.parts:
             for pattern, share in PATTERN_SUMS.get(part.pattern, ((part.pattern, 1.0),)):
                 lines += [
                     f"[[effect]]  # found by turnscope diagnose: {term.describe()}",

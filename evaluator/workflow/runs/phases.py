@@ -86,7 +86,6 @@ def command_delay_of(run_command: RunCommand, poses: Poses, shape: RobotShape | 
     time_s, pose = poses.time_s[there], np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
     reach_mm = math.inf if shape is None else float(np.hypot(*np.transpose(shape.wheel_positions_mm)).max())
     offset = _offset(run_command, time_s, pose, MOST_LATE_S)
-
     begun = [item.begin_s for item in run_command.command.stretches() if math.isfinite(item.begin_s)]
     for apart_s in (0.0,) if offset is None else (0.0, offset.value_s):
         changes = [apart_s + change for change in begun if time_s[0] < apart_s + change < time_s[-1]]

@@ -88,6 +88,14 @@ class Promises:
         return (self.promised[offer[1][0]],)
 
 
+def promising(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Let every screening of a search promise the same; returns what is screened. A fit from a point is a pair."""
+    screened: list[Any] = []
+    monkeypatch.setattr(strategy, "screen", lambda *given: screened.append(given) or Promises())
+    monkeypatch.setattr(strategy, "replace", lambda fit, point: (fit, point))
+    return screened
+
+
 def searching(**more: Any) -> Search:
     null = SimpleNamespace(point=Point(np.zeros((2, 7))), terms=NONE, steps=1, converged=True, excess=9.0)
     null.posterior = SimpleNamespace(log_evidence=0.0)
@@ -100,10 +108,7 @@ def test_what_the_file_of_the_robot_promises_is_fitted_from_there_unless_it_is_f
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The three best effects, and of these the places of all that were not fitted, smooth ones alone."""
-    screened: list[Any] = []
-    asked: list[Any] = []
-    monkeypatch.setattr(strategy, "screen", lambda *given: screened.append(given) or Promises())
-    monkeypatch.setattr(strategy, "replace", lambda fit, point: (fit, point))
+    screened, asked = promising(monkeypatch), list[Any]()
     monkeypatch.setattr(strategy, "_refit", lambda *given: asked.append(given[2:]))
     search, nominal = searching(), Point(np.ones((2, 7)))
     search.fits[frozenset("b")] = search.null
@@ -113,10 +118,7 @@ def test_what_the_file_of_the_robot_promises_is_fitted_from_there_unless_it_is_f
 
 
 def test_whole_changes_are_fitted_from_the_file_of_the_robot_the_two_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    screened: list[Any] = []
-    asked: list[Any] = []
-    monkeypatch.setattr(strategy, "screen", lambda *given: screened.append(given) or Promises())
-    monkeypatch.setattr(strategy, "replace", lambda fit, point: (fit, point))
+    screened, asked = promising(monkeypatch), list[Any]()
     monkeypatch.setattr(strategy, "fit_set", lambda *given: asked.append(given[1:]))
     search, nominal = searching(), Point(np.ones((2, 7)))
     strategy._fit_whole_changes(search, nominal)
