@@ -15,7 +15,7 @@ from calibration.detection.image import read_image
 from calibration.errors import CalibrationError
 from calibration.estimation.calibrate import calibrate
 from calibration.gauge.geometry import Gauge
-from evaluator.cli.calibrate import calibrate as command
+from evaluator.cli.camera.calibrate import calibrate as command
 from tests.calibration.drawing import draw_gauge, gauge_of, random_poses
 
 CAMERA = camera_above(size_px=(480, 360), focal_px=1200, distance_mm=120, tilt_deg=3, k1=-0.2)

@@ -14,7 +14,7 @@ from calibration.assignment.lattice import Lattice, array_size
 from calibration.camera import camera_above
 from calibration.estimation.gauge_as_printed import stretched
 from calibration.gauge.geometry import load_gauge
-from evaluator.cli.calibrate import calibrate, check_camera, dots
+from evaluator.cli.camera.calibrate import calibrate, check_camera, dots
 from tests.calibration.drawing import draw_gauge, random_poses
 
 GAUGE = """format = 1

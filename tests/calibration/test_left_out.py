@@ -15,7 +15,7 @@ from calibration.detection.ellipse_fit import fit_dots
 from calibration.detection.image import read_image
 from calibration.errors import CalibrationError
 from calibration.gauge.geometry import load_gauge
-from evaluator.cli.calibrate import calibrate, dots
+from evaluator.cli.camera.calibrate import calibrate, dots
 from tests.calibration.drawing import draw_gauge, random_poses
 from tests.calibration.grid_images import loose_circles
 

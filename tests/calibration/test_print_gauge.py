@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from calibration.gauge.geometry import Gauge
 from calibration.gauge.printing import Bar, Disc, Sheet, Text, _rgb, gauge_sheet, pdf, svg
-from evaluator.cli.gauge import gauge as command
+from evaluator.cli.camera.gauge import gauge as command
 from tests.calibration.drawing import gauge_of
 
 GAUGE = Gauge.model_validate(

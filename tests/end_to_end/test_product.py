@@ -161,7 +161,7 @@ def test_numbers_for_people_have_a_minus_sign_and_names_keep_their_hyphen() -> N
 
 
 def test_a_remark_on_many_runs_that_differs_by_its_numbers_alone_is_made_once_with_their_ranges() -> None:
-    from evaluator.cli.analyze import runs_by_note
+    from evaluator.cli.analysis import runs_by_note
 
     runs = [f"r{number:02d}" for number in range(8)]
     notes = {run: [f"{9 + n} of 40 poses repeat", f"noise: {n}.5 mm", f"{run}.json read"] for n, run in enumerate(runs)}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.effects import effects
+from evaluator.cli.simulation.effects import effects
 from evaluator.errors import InputError
 from evaluator.report.pages.effects import DURATION_S, _measured, effects_page
 from simulator.command import Command

@@ -10,7 +10,7 @@ import pytest
 from click import NoSuchOption
 
 from calibration.camera import camera_above
-from evaluator.cli.turning import turning
+from evaluator.cli.measurement.turning import turning
 from evaluator.errors import InputError
 from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
 from evaluator.marks import columns_of

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.frames import plate_from_body
-from evaluator.cli.analyze import turning_text
-from evaluator.cli.turning import turning
+from evaluator.cli.measurement.analyze import turning_text
+from evaluator.cli.measurement.turning import turning
 from evaluator.diagnosis.experiment import session_of
 from evaluator.errors import InputError
 from evaluator.mark_geometry import MarkGeometry

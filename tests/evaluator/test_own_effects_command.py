@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.diagnose import say_unused
-from evaluator.cli.effects import effects
+from evaluator.cli.experiment.diagnose import say_unused
+from evaluator.cli.simulation.effects import effects
 from evaluator.errors import InputError
 from simulator.effects.catalogue import EFFECTS, OWN
 

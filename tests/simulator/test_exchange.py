@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.export_robot import export_robot
+from evaluator.cli.simulation.export_robot import export_robot
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.exchange.losses import losses

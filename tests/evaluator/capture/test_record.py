@@ -24,7 +24,7 @@ from evaluator.capture.clock import CaptureClock
 from evaluator.capture.light import LightRegion, light_on
 from evaluator.capture.record import CaptureStart, record_camera
 from evaluator.capture.start import line_on, program
-from evaluator.cli.record import record as command
+from evaluator.cli.camera.record import record as command
 from evaluator.errors import InputError
 from evaluator.progress import Cancelled
 from evaluator.recording import open_recording

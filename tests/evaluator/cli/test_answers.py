@@ -11,7 +11,7 @@ import click
 import pandas as pd
 import pytest
 
-from evaluator.cli.turning import WithMarkNames, _misspelt
+from evaluator.cli.measurement.turning import WithMarkNames, _misspelt
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.design.plan import Expected
 from evaluator.errors import InputError
@@ -30,7 +30,7 @@ def answer(folder: str = "out", *, anew: bool = True, **more: Any) -> DiagnosisR
 
 
 def test_a_diagnosis_is_printed_with_its_file_and_runs_left_out_give_status_1(stub: Any) -> None:
-    stub("evaluator.cli.diagnose.say_doubts")  # there is no file
+    stub("evaluator.cli.experiment.diagnose.say_doubts")  # there is no file
     called: Called = stub("evaluator.workflow.diagnose", answer())
     done = run("diagnose", "e.toml")
     assert done.return_value == 0
@@ -57,7 +57,7 @@ def test_an_effect_is_described_by_its_name_its_sentence_and_its_law() -> None:
 
 
 def test_a_free_form_term_is_offered_and_written_under_the_name_of_its_file(stub: Any, tmp_path: Path) -> None:
-    stub("evaluator.cli.diagnose.say_doubts")  # there is no file
+    stub("evaluator.cli.experiment.diagnose.say_doubts")  # there is no file
     called: Called = stub("evaluator.workflow.diagnose", answer(str(tmp_path), verdict="unknown"))
     forms = Outputs(tmp_path).own_effects
     forms[0].write_text('format = 1\nid = "old-one"\nname = "x"\n')
@@ -149,8 +149,8 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
         faults = {"x": "y"} if options.experiment.name == "p.toml" else {}
         return SimpleNamespace(outputs=Outputs(options.out), faults=faults)
 
-    monkeypatch.setattr("evaluator.cli.analyze.run_analysis", analysed)
-    monkeypatch.setattr("evaluator.cli.analyze.comparison_text", lambda *_, **__: "a table\nof two lines")
+    monkeypatch.setattr("evaluator.cli.analysis.run_analysis", analysed)
+    monkeypatch.setattr("evaluator.cli.experiment.compare.comparison_text", lambda *_, **__: "a table\nof two lines")
     reports: Called = stub("evaluator.report.build.write_report")
     stub("evaluator.workflow.diagnose", answer())
     done = run("demo")
@@ -231,7 +231,7 @@ def test_an_unknown_option_is_the_name_of_a_mark_unless_it_is_a_misspelt_one(
 ) -> None:
     parsed: list[list[str]] = []
     monkeypatch.setattr(click.Command, "parse_args", lambda _, __, args: parsed.append(args) or [])
-    from evaluator.cli.turning import turning
+    from evaluator.cli.measurement.turning import turning
 
     assert isinstance(turning, WithMarkNames)
     turning.parse_args(click.Context(turning), list(words))
@@ -247,7 +247,9 @@ def test_tables_of_turns_are_told_one_by_one_pooled_and_written(stub: Any, monke
     called: Called = stub("evaluator.workflow.turning_tables.measure_table", told)
     stub("evaluator.workflow.turning_tables.together", "2 repetitions: -1 mm")
     written: list[tuple[str, int]] = []
-    monkeypatch.setattr("evaluator.cli.turning._write", lambda path, rows: written.append((str(path), len(rows))))
+    monkeypatch.setattr(
+        "evaluator.cli.measurement.turning._write", lambda path, rows: written.append((str(path), len(rows)))
+    )
     done = run("turning", "a.csv", "b.csv", "-o", "t.csv", "--phases", "p.csv", "--start-s", "0.5", "--left-rpm", "3")
     one = "{}.csv: radius −1 mm\n  95 %: −2 to 0\n"
     assert done.stdout == one.format("a") + one.format("b") + "2 repetitions: −1 mm\n"

@@ -11,7 +11,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from evaluator.cli.analyze import comparison_text, name_of, radius, runs_by_note, turning_text
+from evaluator.cli.analysis import name_of, radius, runs_by_note
+from evaluator.cli.experiment.compare import comparison_text
+from evaluator.cli.measurement.analyze import turning_text
 from evaluator.workflow.results.outputs import Outputs
 from tests.evaluator.cli.called import run
 

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.cli.effects import described
 from evaluator.cli.group import COMMANDS, turnscope
 from evaluator.cli.progress import progress_bar
+from evaluator.cli.simulation.effects import described
 from evaluator.cli.tables import text_table
 from evaluator.errors import InputError
 from evaluator.progress import no_progress

@@ -268,7 +268,7 @@ def test_mistakes_are_mended_where_asked(stub: Any) -> None:
 
     content = {"verdict": "none", "reason": "so", "effects": []}
     stub("evaluator.workflow.diagnose", DiagnosisResult(Path("e.toml"), Path("out"), content, True))
-    stub("evaluator.cli.diagnose.say_doubts")  # there is no file
+    stub("evaluator.cli.experiment.diagnose.say_doubts")  # there is no file
     mended: Called = stub(
         "evaluator.workflow.write_mended", SimpleNamespace(changes=["r1: turned"], path=Path("m.toml"))
     )

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
-from evaluator.cli.diagnose import diagnose
+from evaluator.cli.experiment.diagnose import diagnose
 from evaluator.diagnosis.inference.fit_cache import End, FitCache
 from evaluator.errors import InputError
 from evaluator.report.diagnosis.sections import diagnosis_sections

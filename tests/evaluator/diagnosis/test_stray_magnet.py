@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.diagnose import diagnose
+from evaluator.cli.experiment.diagnose import diagnose
 from tests.evaluator.diagnosis.hidden import offer_few, write_hidden
 
 RIVALS = ("stray-magnet", "plate-tilt", "tether-spring", "tether-pull", "friction-gradient")  # all that pull by place

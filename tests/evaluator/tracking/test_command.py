@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from click.testing import CliRunner
 
-from evaluator.cli.track import track
+from evaluator.cli.measurement.track import track
 from evaluator.recording import open_recording
 from evaluator.report.overlay import why_doubtful
 from tests.evaluator.tracking.synthetic import draw, turning_marks, write_video

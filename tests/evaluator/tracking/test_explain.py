@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.track import track
+from evaluator.cli.measurement.track import track
 from evaluator.recording import Frame, open_recording
 from evaluator.tracking import TrackingSettings
 from evaluator.tracking import track as track_recording

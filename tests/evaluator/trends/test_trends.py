@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.trends import trends as command
+from evaluator.cli.measurement.trends import trends as command
 from evaluator.errors import InputError
 from evaluator.trends.changes import Level, changes
 from evaluator.trends.trends import compare_sessions

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.turning import turning
+from evaluator.cli.measurement.turning import turning
 from evaluator.errors import InputError
 from evaluator.marks import write_marks
 from tests.end_to_end.commands import turnscope

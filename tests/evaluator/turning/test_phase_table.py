@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.turning import turning as command
+from evaluator.cli.measurement.turning import turning as command
 from evaluator.marks import write_marks
 
 from .synthetic import FRAME_S, arc_poses, marks_of, measured, resting, straight_poses, winding_poses

@@ -13,9 +13,9 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.circular_test import circular_test
-from evaluator.cli.plan import plan
-from evaluator.cli.report import report
+from evaluator.cli.experiment.plan import plan
+from evaluator.cli.experiment.report import report
+from evaluator.cli.measurement.circular_test import circular_test
 from evaluator.errors import InputError
 from evaluator.workflow import circular_runs, evaluate_circular_test, simulate_circular_test, write_circular_test
 from evaluator.workflow.circular.runs import simulated_turns

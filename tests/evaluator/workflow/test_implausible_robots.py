@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluator.cli.diagnose import say_doubts
+from evaluator.cli.experiment.diagnose import say_doubts
 from evaluator.workflow.checks import check_experiment, implausible_values, unloaded_supports
 from simulator.robot import load_robot, shipped_robot_text
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.new import check
+from evaluator.cli.first_steps.check import check
 from evaluator.errors import InputError
 from evaluator.settings import load_experiment
 from evaluator.workflow.editing.mending import write_mended

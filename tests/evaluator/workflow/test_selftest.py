@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from evaluator.cli.selftest import selftest
+from evaluator.cli.first_steps.selftest import selftest
 from evaluator.errors import InputError
 from evaluator.report.pages.selftest import write_selftest
 from evaluator.workflow.selftest import run

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from calibration.errors import CalibrationError
-from evaluator.cli.render import render
+from evaluator.cli.simulation.render import render
 from evaluator.errors import InputError
 from simulator.errors import SimulationError
 

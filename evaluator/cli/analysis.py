@@ -1,4 +1,4 @@
-"""turnscope analyze, turnscope compare: an experiment in, tables of runs out."""
+"""An analysis run by a command: progress bar, notes, exit status, and the cells of a run in a table of the terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from evaluator.cli.options import BatchOptions, batch_options
+from evaluator.cli.options import BatchOptions
 from evaluator.cli.progress import progress_bar
 from evaluator.turning import only_mark
 
@@ -26,50 +26,6 @@ SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
 results for the others); 2, the input cannot be used."""
-
-
-@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope analyze experiment.toml -o out/")
-@batch_options
-def analyze(options: BatchOptions) -> int:
-    """Track every run of an experiment, reconstruct its poses and measure its turning radius.
-
-    Writes turning.csv (a row per run), pooled.csv (repetitions of a command pooled), directions.csv (backward against
-    forward), marks/RUN.csv and poses/RUN.csv. Results that are up to date are reused, so an interrupted command
-    continues where it stopped.
-
-    A run may have marks = "r01.csv" instead of video: a table with time_s and, for every mark of the robot, NAME_x_mm
-    and NAME_y_mm on the plane of the marks, with empty cells for a missing mark. Files of OSP Tracker, DeepLabCut,
-    SLEAP and movement are read as well; [tracks] of experiment.toml gives their mark names, unit and frame rate.
-    """
-    if options.dry_run:
-        return print_plan(options, simulate=False)
-    found = run_analysis(options, simulate=False)
-    if options.as_json:
-        print_json(found.turning)
-    elif not options.quiet:
-        click.echo(turning_text(found, verbose=options.verbose))
-        click.echo(f"\n{found.outputs.turning}")
-    return status_of(found)
-
-
-@click.command(epilog=f"{STATUS_NOTE}\n\n\b\nExample:\n  turnscope compare experiment.toml -o out/")
-@batch_options
-def compare(options: BatchOptions) -> int:
-    """Compare every run with its simulation.
-
-    Writes comparison.csv (a row per run) and simulated/RUN.csv, in addition to the files of turnscope analyze. The
-    simulation has the same command, starts at the measured pose, and its marks pass through the same estimator.
-    """
-    if options.dry_run:
-        return print_plan(options, simulate=True)
-    found = run_analysis(options, simulate=True)
-    assert found.comparison is not None
-    if options.as_json:
-        print_json(found.comparison)
-    elif not options.quiet:
-        click.echo(comparison_text(found, verbose=options.verbose))
-        click.echo(f"\n{found.outputs.comparison}")
-    return status_of(found)
 
 
 def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -> Analysis:
@@ -151,45 +107,6 @@ def print_json(table: pd.DataFrame) -> None:
     from evaluator.workflow.exporting import records
 
     click.echo(json.dumps(records(table), indent=1))
-
-
-def turning_text(found: Analysis, *, verbose: bool) -> str:
-    """Text table of the measured runs."""
-    from evaluator.cli.tables import text_table
-    from evaluator.report.numbers import command_text, number, true_minus
-
-    rows = []
-    for row in found.turning.to_dict("records"):
-        if row["run"] not in found.faults:
-            cells = [
-                name_of(row),
-                command_text(row["left_rpm"], row["right_rpm"]),
-                *radius(row),
-                number(row[named_after(only_mark(row), "speed_mm_s")], 3),
-            ]
-            rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
-    return text_table([*head, "remark"] if verbose else head, rows)
-
-
-def comparison_text(found: Analysis, *, verbose: bool) -> str:
-    """Text table of measured and simulated runs."""
-    from evaluator.cli.tables import text_table
-    from evaluator.report.numbers import UNKNOWN, command_text, number
-
-    assert found.comparison is not None
-    rows = []
-    for row, measured in zip(found.comparison.to_dict("records"), found.turning.to_dict("records"), strict=True):
-        if row["run"] in found.faults:
-            continue
-        command = command_text(row["left_rpm"], row["right_rpm"])
-        simulated = row[f"simulated_{named_after(only_mark(measured), 'radius_mm')}"]
-        nothing = "straight" if math.isfinite(row["left_rpm"]) else UNKNOWN
-        known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
-        cells = [name_of(row), command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
-        rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
-    return text_table([*head, "heading gap, deg"] if verbose else head, rows)
 
 
 def name_of(row: Mapping[Hashable, Any]) -> str:

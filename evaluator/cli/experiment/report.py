@@ -6,7 +6,8 @@ import json
 
 import click
 
-from evaluator.cli.analyze import STATUS_NOTE, comparison_text, print_plan, run_analysis, status_of
+from evaluator.cli.analysis import STATUS_NOTE, print_plan, run_analysis, status_of
+from evaluator.cli.experiment.compare import comparison_text
 from evaluator.cli.options import BatchOptions, batch_options
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from evaluator.cli.analyze import STATUS_NOTE, print_plan, run_analysis, status_of
+from evaluator.cli.analysis import STATUS_NOTE, print_plan, run_analysis, status_of
 from evaluator.cli.options import (
     BatchOptions,
     dry_run_option,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from evaluator.cli.analyze import SOME_FAILED
+from evaluator.cli.analysis import SOME_FAILED
 from evaluator.cli.options import (
     PATH,
     dask_option,

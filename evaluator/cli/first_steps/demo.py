@@ -38,7 +38,8 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
     Copies the samples, calibrates the camera from gauge images, tracks, measures and simulates every run, and writes
     the report. Then it finds the hidden effect in a second set of recordings and writes a report of that, too.
     """
-    from evaluator.cli.analyze import comparison_text, run_analysis, status_of
+    from evaluator.cli.analysis import run_analysis, status_of
+    from evaluator.cli.experiment.compare import comparison_text
     from evaluator.report.build import write_report
     from evaluator.workflow import prepare_samples
 
@@ -70,7 +71,7 @@ def demo(out: Path, puzzle: bool, workers: int | None, quiet: bool) -> int:
 
 def _solve_puzzle(experiment: Path, out: Path, workers: int | None, *, quiet: bool) -> Analysis:
     """Measure and diagnose the experiment with a hidden effect, and write its report."""
-    from evaluator.cli.analyze import run_analysis
+    from evaluator.cli.analysis import run_analysis
     from evaluator.report.build import write_report
     from evaluator.report.verdict import verdict_lines
     from evaluator.workflow import diagnose

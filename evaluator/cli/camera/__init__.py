@@ -1,0 +1,1 @@
+"""Commands of the section "Camera" of the help."""

@@ -1,0 +1,1 @@
+"""Commands of the section "Experiment and simulation" of the help."""

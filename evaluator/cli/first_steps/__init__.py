@@ -1,0 +1,1 @@
+"""Commands of the section "First steps" of the help."""

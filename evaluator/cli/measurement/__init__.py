@@ -1,0 +1,1 @@
+"""Commands of the section "Measurement" of the help."""

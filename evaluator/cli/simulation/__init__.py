@@ -1,0 +1,1 @@
+"""Commands of the section "Simulation" of the help."""
