@@ -15,6 +15,7 @@ from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.linearized_optimum import Optimum, optimum_of
+from evaluator.diagnosis.inference.steps import DAMPINGS, SETTLED, line_search, obstructing_runs, settled_at
 from evaluator.diagnosis.likelihood.linear.mixed_model import (
     MixedModel,
     Posterior,
@@ -22,7 +23,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import (
     reduce_runs,
     solve_within,
 )
-from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, secant, settled_by_run
+from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER, secant
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import Values
@@ -31,9 +32,6 @@ from simulator.effects.coordinates import Candidate
 Floats = NDArray[np.float64]
 
 MOST_STEPS = 10  # each a linearization of all runs; a fit ends when little is predicted of the next one (SETTLED)
-# Predicted decrease of -2 log density below which a fit has converged: a hundredth of the 23 that an effect needs (odds
-# of eight over its prior). Parameters and evidence are those of the linearized optimum, whose errors are smaller.
-SETTLED = 0.2
 # If a step fails below this predicted decrease, the cause is roughness or curvature of the density, not a wrong
 # direction: over 26 runs, some of them turns on the spot, the density varied by 0.8 between nearly identical points;
 # with two dozen quantities known to a tolerance, some determined to hundreds of sigmas together, 3.6 were predicted at
@@ -46,7 +44,6 @@ EXPLAINED = 1.5
 # or gains of a run. In four experiments without any adequate model, 164 of 169 fits that stalled required such values,
 # and one of 63 that converged.
 NO_PROGRESS = 0.5
-DAMPINGS = (1.0, 0.4, 0.12, 0.03)
 # Consecutive steps on open ground without improvement before a fit ends. There a robot that hardly overcomes the
 # friction of its own turning follows one of two paths, and a per cent of a parameter decides which: the density jumps
 # by tens everywhere, and a monotone search ends in a local minimum (of twelve fits of three models, four ended 50 to
@@ -162,20 +159,25 @@ def _fitted(
     runs: tuple[int, ...],
     most_scatter: Floats,
     rival: float,
+    *,
+    may_hold_back: bool = True,
 ) -> Fit:
-    """Take steps from a point until the fit converges, does not improve, or lags too far behind a rival."""
-    before, lagged = np.inf, np.inf
+    """Take steps from a point until the fit converges, does not improve, or lags too far behind a rival.
+
+    may_hold_back: whether runs that obstruct it may be held back once.
+    """
+    before, lagged, of_others = np.inf, np.inf, 0
     ends: list[tuple[float, Fit]] = []  # on open ground: -2 log density at each point, and the fit if it ended there
     for step in range(MOST_STEPS):
         problem.watch.look()
-        fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1)
+        fit = replace(_viewed(problem, point, columns, tolerance, runs), steps=step + 1 + of_others)
         optimum = _optimum(fit, tolerance, most_scatter)
         if problem.open_ground:
             ends.append((float(optimum.now.sum()), _with_shortfall(replace(fit, converged=True), optimum.predicted)))
             least = int(np.argmin([value for value, _ in ends]))
             if optimum.predicted < SETTLED or step - least == WATCHED or step == MOST_STEPS - 1:
                 return replace(ends[least][1], steps=step + 1)
-            point, _ = _line_search(problem, fit, optimum)
+            point, _ = line_search(problem, fit, optimum)
             continue
         if optimum.predicted < SETTLED:
             return replace(fit, converged=True)
@@ -185,11 +187,35 @@ def _fitted(
         if lag > max(LAGGING, CLOSING * lagged):
             return fit
         before, lagged = optimum.predicted, lag
-        point, better = _line_search(problem, fit, optimum)
+        if may_hold_back and optimum.predicted > STALLED:
+            moved, more = _led_by_others(problem, fit, optimum, tolerance, most_scatter, rival)
+            of_others, may_hold_back = more, not more
+            if moved is not None:
+                point, before, lagged = moved, np.inf, np.inf
+                continue
+        point, better = line_search(problem, fit, optimum)
         if not better:
             return _stalled(fit, optimum.predicted)
         point = _carried_on(problem, fit, optimum, point, tolerance, most_scatter)
     return _stalled(fit, optimum.predicted)
+
+
+def _led_by_others(
+    problem: Problem, fit: Fit, optimum: Optimum, tolerance: Mapping[str, float], most_scatter: Floats, rival: float
+) -> tuple[Point | None, int]:
+    """A point that is better for all runs, found by a fit of those that do not obstruct a full step, and its steps.
+
+    None and 0 if no runs obstruct it; None if the point is no better or a run cannot be simulated on the way.
+    """
+    obstructing = obstructing_runs(problem, fit, optimum)
+    if not obstructing:
+        return None, 0
+    others = tuple(run for run in fit.runs if run not in obstructing)
+    try:
+        ahead = _fitted(problem, fit.point, fit.columns, tolerance, others, most_scatter, rival, may_hold_back=False)
+    except FloatingPointError:
+        return None, 1
+    return settled_at(problem, fit, optimum, ahead.point), ahead.steps
 
 
 def _stalled(fit: Fit, predicted: float) -> Fit:
@@ -234,7 +260,7 @@ def _carried_on(
         promised, optimum = optimum.predicted, _optimum(fit, tolerance, most_scatter)
         if not SETTLED < optimum.predicted < CARRIES * promised:
             return point
-        moved, better = _line_search(problem, fit, optimum, DAMPINGS[:1])
+        moved, better = line_search(problem, fit, optimum, DAMPINGS[:1])
         if not better:
             return point
         point = moved
@@ -251,25 +277,3 @@ def _with_shortfall(fit: Fit, predicted: float) -> Fit:
     predicted = max(predicted, 0.0)  # near a bound of a law, rounding errors may be large and negative
     less = replace(fit.posterior, log_evidence=fit.posterior.log_evidence - predicted / 2)
     return replace(fit, posterior=less, shortfall=predicted)
-
-
-def _line_search(
-    problem: Problem, fit: Fit, optimum: Optimum, dampings: Sequence[float] = DAMPINGS
-) -> tuple[Point, bool]:
-    """The first point toward the goal that improves, and True; otherwise the farthest point, and False.
-
-    Start pose and random effects of every run are fitted at each point, starting with the slopes of the fit.
-    """
-    farthest = None
-    for damping in dampings:
-        problem.watch.look()
-        trial = optimum.theta + damping * (optimum.goal - optimum.theta)
-        try:
-            there = fit.point.at(fit.columns, trial)
-            moved, values = settled_by_run(problem, there, fit.runs, optimum.scatter, fit.linearized)
-        except FloatingPointError:
-            continue
-        if float(values.sum() + optimum.prior @ trial**2 - optimum.now.sum()) < -0.1 * SETTLED:
-            return moved, True
-        farthest = farthest or moved
-    return farthest or fit.point, False

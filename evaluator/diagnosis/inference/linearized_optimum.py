@@ -19,7 +19,7 @@ class Optimum:
 
     theta: (p,) current common parameters. goal: (p,) their optimum. per_run: (n, 4) random effects of the runs there.
     prior: (p,) precision of the parameters. scatter: (4,) of the random effects. now: (n + 1,) -2 log density of each
-    run at theta, then of the prior. predicted: decrease of its sum at the goal.
+    run at theta, then of the prior. promised: (n + 1,) its decreases at the goal.
     """
 
     theta: Floats
@@ -28,7 +28,12 @@ class Optimum:
     prior: Floats
     scatter: Floats
     now: Floats
-    predicted: float
+    promised: Floats
+
+    @property
+    def predicted(self) -> float:
+        """Decrease of -2 log density at the goal."""
+        return float(self.promised.sum())
 
 
 def optimum_of(
@@ -44,8 +49,8 @@ def optimum_of(
     now = _objective(linear, theta, per_run, prior, scatter)
     goal = solve_within(reduced, prior, scatter, *bounds)
     there = run_effects(reduced, goal, scatter)[0]
-    predicted = float(np.sum(now - _objective(linear, goal, there, prior, scatter)))
-    return Optimum(theta, goal, there, prior, scatter, now, predicted)
+    promised = now - _objective(linear, goal, there, prior, scatter)
+    return Optimum(theta, goal, there, prior, scatter, now, promised)
 
 
 def _objective(linear: Sequence[Linearized], theta: Floats, per_run: Floats, prior: Floats, scatter: Floats) -> Floats:

@@ -14,8 +14,8 @@ from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, is
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.output.content import Bounded, EffectContent
+from evaluator.diagnosis.output.silence import silent_reaches
 from evaluator.diagnosis.result import Diagnosis
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate

@@ -13,7 +13,6 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.bounds import is_at_bound
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.jumps import smooth_slope
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
@@ -21,6 +20,7 @@ from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.problem import OF_GROUND, START, Problem
 from evaluator.diagnosis.likelihood.run_data import RunData, Task
+from evaluator.diagnosis.output.silence import silent_reaches
 from evaluator.diagnosis.search_input import show_starts
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.effects.parameter import Size

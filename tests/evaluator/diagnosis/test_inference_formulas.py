@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import fit as fits
-from evaluator.diagnosis.inference import fitted_model
+from evaluator.diagnosis.inference import fitted_model, steps
 from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
-from evaluator.diagnosis.inference.fit import _fitted, _line_search, _with_shortfall, _within_bounds, fit_model
+from evaluator.diagnosis.inference.fit import _fitted, _with_shortfall, _within_bounds, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.linearized_optimum import optimum_of
@@ -203,8 +203,8 @@ def test_a_line_search_goes_to_the_first_point_that_improves_or_to_the_farthest(
         (size,) = there.terms["line"]
         return there, np.array([2.5 + value - 0.5 * size**2])
 
-    monkeypatch.setattr(fits, "settled_by_run", settled)
-    point, found = _line_search(problem(), fit(), optimum)
+    monkeypatch.setattr(steps, "settled_by_run", settled)
+    point, found = steps.line_search(problem(), fit(), optimum)
     assert found == better
     assert point.terms["line"][0] == pytest.approx(1.0 + 2.0 * damping if damping else 0.0)
 
@@ -240,7 +240,8 @@ def walked(
     def further(_: Any, before: Fit, *__: Any) -> tuple[Point, bool]:
         return replace(before.point, per_run=before.point.per_run + 1.0), better
 
-    monkeypatch.setattr(fits, "_line_search", further)
+    monkeypatch.setattr(fits, "line_search", further)
+    monkeypatch.setattr(fits, "_led_by_others", lambda *_: (None, 0))
     monkeypatch.setattr(fits, "_carried_on", lambda *given: given[3])
     columns = (Column("line", 0, LINE),)
     return _fitted(problem(on_ground=now is not None), fit().point, columns, {}, (0,), np.array(np.inf), rival)

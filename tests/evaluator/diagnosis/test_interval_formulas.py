@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.inference import profile_likelihood, silence
+from evaluator.diagnosis.inference import profile_likelihood
 from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.output import silence
 from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate, Coordinate
 

@@ -10,10 +10,11 @@ import pytest
 
 from evaluator.diagnosis.inference import fit as fits
 from evaluator.diagnosis.inference import screening, strategy
-from evaluator.diagnosis.inference.fit import _carried_on, _line_search
+from evaluator.diagnosis.inference.fit import _carried_on
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.inference.steps import line_search
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate
@@ -147,7 +148,7 @@ def test_a_fit_goes_on_with_its_slopes_while_a_tenth_is_promised_of_what_was_pro
     first = 10.0 if promised[0] < 4.0 else 50.0
     coming, answers, shares = iter(promised), iter(better), []
 
-    def line_search(_: Any, before: Any, __: Any, dampings: Any) -> tuple[Point, bool]:
+    def further(_: Any, before: Any, __: Any, dampings: Any) -> tuple[Point, bool]:
         shares.append(dampings)
         place = before.point
         return Point(place.per_run + 1.0), next(answers) == "y"
@@ -159,7 +160,7 @@ def test_a_fit_goes_on_with_its_slopes_while_a_tenth_is_promised_of_what_was_pro
     monkeypatch.setattr(fits, "secant", lambda *given: given[1])
     monkeypatch.setattr(fits, "reduce_runs", lambda given: given)
     monkeypatch.setattr(fits, "_optimum", lambda *_: SimpleNamespace(predicted=next(coming)))
-    monkeypatch.setattr(fits, "_line_search", line_search)
+    monkeypatch.setattr(fits, "line_search", further)
     optimum: Any = SimpleNamespace(predicted=first)
     found = _carried_on(problem, fit, optimum, start, {}, np.array(np.inf))
     assert found.per_run[0, 0] == reached
@@ -172,7 +173,7 @@ def test_a_search_can_be_stopped_between_two_trials_of_a_step() -> None:
 
     problem: Any = SimpleNamespace(watch=SimpleNamespace(look=look))
     with pytest.raises(KeyboardInterrupt):
-        _line_search(problem, SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
+        line_search(problem, SimpleNamespace(), SimpleNamespace())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

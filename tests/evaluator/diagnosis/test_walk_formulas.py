@@ -11,8 +11,8 @@ import pytest
 
 from evaluator.diagnosis.inference import profile_likelihood
 from evaluator.diagnosis.inference.profile_likelihood import Profile, profile_of, profiles_of
-from evaluator.diagnosis.inference.silence import silent_reaches
 from evaluator.diagnosis.likelihood.point import Column, Point
+from evaluator.diagnosis.output.silence import silent_reaches
 from evaluator.turning.motion.curvature import Z_975
 from simulator.effects.coordinates import Candidate, Coordinate
 
