@@ -15,18 +15,43 @@ FEWEST = 10  # frames with both marks: rounded values of fewer frames could agre
 def copies(data: Sequence[RunData]) -> list[Found]:
     """Runs whose marks are those of an earlier run of the same command, frame for frame.
 
-    A copy under another command is left to the comparison with the simulation, which shows which command is wrong.
+    A copy under another command is left to the comparison with the simulation, which may show which command is wrong.
     Two recordings never agree to the last digit: noise differs. Times may be shifted: a copy may count from elsewhere.
     """
-    first: dict[tuple[bytes, tuple[tuple[float, float], ...]], str] = {}
     found = []
+    for runs in _same_marks(data):
+        first: dict[object, str] = {}
+        for run in runs:
+            original = first.setdefault(_command(run), run.id)
+            if original != run.id:
+                words = f"has the same marks as {original}, frame for frame, and counts once"
+                found.append(Found(run.id, "duplicate", words, "is it the right recording?"))
+    return found
+
+
+def contradicting_copies(data: Sequence[RunData], known: Sequence[Found]) -> list[Found]:
+    """Runs with the same marks under several commands, of which none has a known mistake: all of them are doubtful."""
+    wrong, doubled = {item.run for item in known}, {item.run for item in known if item.kind == "duplicate"}
+    found = []
+    for runs in _same_marks(data):
+        once = [run for run in runs if run.id not in doubled]
+        if len({_command(run) for run in once}) > 1 and not wrong & {run.id for run in once}:
+            words = "have the same marks, frame for frame, but different commands"
+            group = tuple(run.id for run in once)
+            remedy = "find out which command belongs to this recording, and remove the other run"
+            found += [Found(run, "duplicate", words, remedy, group=group) for run in group]
+    return found
+
+
+def _same_marks(data: Sequence[RunData]) -> list[list[RunData]]:
+    """Runs with the same marks, where several have them."""
+    alike: dict[bytes, list[RunData]] = {}
     for run in data:
         seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
-        if len(seen) < FEWEST or not np.ptp(seen, axis=0).any():
-            continue
-        key = seen.tobytes(), tuple((stretch.left_rpm, stretch.right_rpm) for stretch in run.run_command.driven)
-        if key in first:
-            words = f"has the same marks as {first[key]}, frame for frame, and counts once"
-            found.append(Found(run.id, "duplicate", words, "is it the right recording?"))
-        first.setdefault(key, run.id)
-    return found
+        if len(seen) >= FEWEST and np.ptp(seen, axis=0).any():
+            alike.setdefault(seen.tobytes(), []).append(run)
+    return [runs for runs in alike.values() if len(runs) > 1]
+
+
+def _command(run: RunData) -> object:
+    return tuple((stretch.left_rpm, stretch.right_rpm) for stretch in run.run_command.driven)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from evaluator.diagnosis.candidates.coordinates import any_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.copies import copies
+from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
@@ -42,6 +42,8 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     if disturbed or len(logs) < len(data):  # otherwise the same runs were tested already
         found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
+    doubtful = contradicting_copies(data, found)
+    found, same = [*found, *doubtful], [*same, *doubtful]
     if any_full_size(robots):
         kinds = [item.kind for item in found]
         found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]

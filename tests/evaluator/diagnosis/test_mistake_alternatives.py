@@ -79,7 +79,9 @@ def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror()
     assert found["sides-swapped"][0].command == (20.0, 30.0)
     np.testing.assert_array_equal(found["marks-swapped"][0].marks_mm[:, :2], run.marks_mm[:, 2:])
     np.testing.assert_array_equal(found["mirrored"][0].marks_mm, run.marks_mm * [-1, 1, -1, 1])
-    assert [other.command for other in found["wrong-command"]] == [(60.0, 20.0)]  # others are told by their kind
+    # the command of another run, as far as no kind of its own tells it, then slips of the keyboard
+    mistyped = [(3.0, 20.0), (30.0, 2.0), (300.0, 20.0), (30.0, 200.0), (-30.0, 20.0), (30.0, -20.0)]
+    assert [other.command for other in found["wrong-command"]] == [(60.0, 20.0), *mistyped]
     assert "late-start" not in found
     assert "sides-swapped" not in ways_of(replace(run, left_rpm=20.0))
     assert "reversed" not in ways_of(replace(run, left_rpm=0.0, right_rpm=0.0))

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.mistakes import disturbances
-from evaluator.diagnosis.mistakes.copies import copies
+from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import without_regimes
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.motion import Onset
+from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
 
@@ -285,6 +286,23 @@ def test_copy_of_a_run_counts_once_whatever_its_clock() -> None:
     assert "same marks as r3" in found.seen
     assert copies([*session(driven()), replace(copied, left_rpm=20.0)]) == []  # the simulation tells which is wrong
     assert copies(session(driven())) == []
+
+
+def test_same_marks_under_two_commands_are_doubtful_unless_the_simulation_tells_which_is_wrong() -> None:
+    original = driven(3)
+    other = replace(original, id="r9", left_rpm=original.left_rpm + 5.0)
+    data = [*session(driven()), other]
+    found = contradicting_copies(data, [])
+    assert [(item.run, item.kind, item.group) for item in found] == [
+        ("r3", "duplicate", ("r3", "r9")),
+        ("r9", "duplicate", ("r3", "r9")),
+    ]
+    assert contradicting_copies(data, [Found("r9", "wrong-command", "", "")]) == []
+    thrice = [*data, replace(original, id="r10")]
+    assert [item.run for item in contradicting_copies(thrice, copies(thrice))] == ["r3", "r9"]
+    (told,) = [item for item in recognise(data, [ROBOT] * len(data)) if "r9" in item.runs]
+    assert told.runs == ("r3", "r9")
+    assert told.sentence.startswith("r3, r9: have the same marks, frame for frame, but different commands; find out")
 
 
 def test_mistake_of_all_runs_that_could_show_it_is_said_once() -> None:

@@ -16,6 +16,8 @@ FRAMES = 80  # per run in a comparison, which suffice for a smooth path
 # Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, slow motion of 240, and fields instead of frames.
 RATES = (0.5, 2.0, 0.25, 4.0, 0.125, 8.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
+# Factors of the speed of one side: a decimal point in a wrong place, a sign forgotten.
+MISTYPED = {0.1: "the decimal point", 10.0: "the decimal point", -1.0: "the sign"}
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 
@@ -65,6 +67,7 @@ def alternatives(
         ),
         *(_in_unit(run, factor) if factor else ()),
         *_other_commands(run, data),
+        *(_mistyped(run) if run.log is None else ()),
         *(_offsets(run) if run.log is not None else ()),
     ]
 
@@ -127,6 +130,19 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
         left, right = other.command
         changed = replace(run, left_rpm=left, right_rpm=right, log=other.log, start_s=other.start_s)
         found.append(Alternative("wrong-command", changed, f"moves as the command log of {other.id} says"))
+    return found
+
+
+def _mistyped(run: RunData) -> list[Alternative]:
+    """The run with the speed of one side as it is before a slip of the keyboard."""
+    left, right = run.command
+    found = []
+    for times, what in MISTYPED.items():
+        for command in ((times * left, right), (left, times * right)):
+            if command not in {(left, right), (-left, -right), (right, left)}:
+                words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm, not {left:g} / {right:g}"
+                changed = replace(run, left_rpm=command[0], right_rpm=command[1])
+                found.append(Alternative("wrong-command", changed, f"{words} (check {what})"))
     return found
 
 
