@@ -69,7 +69,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     terms: dict[str, Candidate] = {**named, **new}
     progress("noise", 0.0)
     forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
-    problem, start = build_problem(data, forward, fits, progress)
+    problem, start = build_problem(data, forward, fits, progress, session.start_sigma_s)
     tolerance = visible_tolerances(problem, start, session.tolerance)
     problem = replace(problem, starts_show=show_starts(problem, start))
     return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own))

@@ -10,7 +10,7 @@ from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNoise, Place, changed, common_drift
-from evaluator.diagnosis.likelihood.preparation import friction_shifts, with_noise_of
+from evaluator.diagnosis.likelihood.preparation import friction_shifts, late_shifts, with_noise_of
 from evaluator.diagnosis.likelihood.problem import Problem
 
 # A search is repeated where its best model lowers the noise below this share, or on open ground lifts it as far above.
@@ -67,14 +67,16 @@ def common_noise(search: Search, fit: Fit, begin: Place = MIDDLE) -> CommonNoise
         view if part.ground is None else changed(view, part.ground.undone)
         for view, part in zip(fit.linearized, compressions, strict=True)
     ]
-    shifts = friction_shifts(problem, fit.point, fit.runs)
+    friction = friction_shifts(problem, fit.point, fit.runs)
+    late = late_shifts(problem, fit.point, fit.runs)
     return common_drift(
         views,
         compressions,
         [problem.data[run].time_s[problem.compressions[run].used] for run in fit.runs],
         prior_precision(fit.columns, search.tolerance),
         problem.common_drift,
-        [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, shifts, strict=True)],
+        [part.of_tracking(wanders).T for part, (_, wanders) in zip(compressions, friction, strict=True)],
         problem.watch.each,
         begin,
+        [part.of_tracking(shifts).T for part, shifts in zip(compressions, late, strict=True)],
     )

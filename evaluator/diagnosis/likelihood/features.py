@@ -158,8 +158,9 @@ class Compression:
 
     used: NDArray[np.bool_]  # frames in which both marks were found
     functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
-    ground: Whitening | None = None  # of all features, for varying friction, which affects several channels
-    wander_mm: float = 0.0  # RMS effect of this on the midpoint, after the best start pose and friction of the run
+    # of all features, for varying friction and late changes of commands, which affect several channels
+    ground: Whitening | None = None
+    random_mm: float = 0.0  # RMS effect of these on the midpoint, after the best start pose and friction of the run
 
     def features(self, residual_mm: Floats) -> Floats:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""

@@ -24,6 +24,7 @@ from evaluator.diagnosis.likelihood.features import (
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_shifts, whitening
+from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
@@ -37,17 +38,25 @@ SETTLING_S = 0.4  # a larger lag of the motors would be found as an effect first
 
 
 def build_problem(
-    data: Sequence[RunData], forward: Forward, fits: FitCache | None = None, watch: Watch | None = None
+    data: Sequence[RunData],
+    forward: Forward,
+    fits: FitCache | None = None,
+    watch: Watch | None = None,
+    change_sigma_s: float = 0.0,
 ) -> tuple[Problem, Point]:
     """Estimate the tracking noise and compress every run; also returns the nominal point with aligned starts.
 
-    fits: cache of an interrupted diagnosis of the same data. watch: cancellation and time limit.
+    fits: cache of an interrupted diagnosis of the same data. watch: cancellation and time limit. change_sigma_s:
+    standard deviation of the time of each change of a command after the start.
     """
     channels = tuple(channels_of(run.marks_mm) for run in data)
     half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2
     length = max(size_of(robot).length for robot in forward.robots)
     bare = Problem(
-        tuple(data), forward, channels, (), (), half, length, fits=fits or FitCache(), watch=watch or Watch()
+        *(tuple(data), forward, channels, (), (), half, length),
+        change_sigma_s=change_sigma_s,
+        fits=fits or FitCache(),
+        watch=watch or Watch(),
     )
     point = Point(aligned_starts(data, forward))
     return with_noise_of(bare, point), point
@@ -91,18 +100,46 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         for run, used, parts in zip(problem.data, frames, noise, strict=True)
     )
     problem = replace(problem, compressions=compressions, noise=tuple(noise))
-    return _with_wander(problem, point) if problem.friction_wander else problem
+    return _with_random_shifts(problem, point)
 
 
-def _with_wander(problem: Problem, point: Point) -> Problem:
-    """The problem with features whitened for varying friction, linearized at a point."""
+def _with_random_shifts(problem: Problem, point: Point) -> Problem:
+    """The problem with features whitened for varying friction and late changes of commands, linearized at a point."""
+    runs = range(len(problem.data))
+    late = late_shifts(problem, point, runs)
+    if not problem.friction_wander and not any(map(len, late)):
+        return problem
     found: list[Compression] = []
-    for known, wander in friction_shifts(problem, point, range(len(problem.data))):
-        part, shifts = problem.compressions[len(found)], problem.friction_wander * wander
-        found.append(
-            replace(part, ground=whitening(part.of_tracking(shifts).T), wander_mm=_midpoint_about(shifts, known))
-        )
+    for part, (known, wander), more in zip(
+        problem.compressions, friction_shifts(problem, point, runs), late, strict=True
+    ):
+        shifts = np.concatenate([problem.friction_wander * wander[: MODES * bool(problem.friction_wander)], more])
+        random = bool(len(shifts))
+        ground = whitening(part.of_tracking(shifts).T) if random else None
+        found.append(replace(part, ground=ground, random_mm=_midpoint_about(shifts, known) if random else 0.0))
     return replace(problem, compressions=tuple(found))
+
+
+def late_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[Floats]:
+    """Shifts (k, n, 4) in mm of the channels of each run at the used frames by one sigma of each late change.
+
+    None on open ground, whose noise contains them, and for a run that cannot be simulated at the point.
+    """
+    changes_s = [jumps_of(problem.data[run].run_command.command) for run in runs]
+    none = [np.zeros((0, problem.compressions[run].used.sum(), 4)) for run in runs]
+    if problem.open_ground or not problem.change_sigma_s or not any(changes_s):
+        return none
+    found = []
+    marks = problem.forward.marks([point.task(run) for run in runs])
+    for run, at_s, predicted, nothing in zip(runs, changes_s, marks, none, strict=True):
+        able = bool(at_s) and bool(np.isfinite(predicted).all())
+        shifts = (
+            late_changes(problem.data[run].time_s, channels_of(predicted), at_s, problem.half_distance_mm)
+            if able
+            else nothing
+        )
+        found.append(problem.change_sigma_s * shifts[:, problem.compressions[run].used] if able else nothing)
+    return found
 
 
 def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[tuple[Floats, Floats]]:

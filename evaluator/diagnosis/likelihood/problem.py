@@ -52,6 +52,7 @@ class Problem:
     starts_show: bool = True  # whether the uncertainty of a run's start of motion has a visible influence
     common_drift: Drift = NO_DRIFT  # of the midpoint of the marks: see noise/common_drift.py
     friction_wander: float = 0.0  # relative, after 1 mm of path: see noise/friction_wander.py
+    change_sigma_s: float = 0.0  # of each change of a command after the start: see noise/late_changes.py
     horizon_s: float = np.inf  # only frames up to this time after the start of the motors are used
     fits: FitCache = field(default_factory=FitCache)  # of earlier fits
     watch: Watch = field(default_factory=Watch)  # checked between the steps of a fit; shares work among cores
@@ -74,13 +75,11 @@ class Problem:
 
     @property
     def of_tracking(self) -> Problem:
-        """The problem with the noise of marks and camera only, without varying friction.
+        """The problem with the noise of marks and camera only, without varying friction and late changes of commands.
 
         With it the fitted start pose minimizes the distance to the marks of the whole run. With varying friction the
         start pose is determined by the first frames, and the distance grows along the path.
         """
-        if not self.friction_wander:
-            return self
         return replace(self, compressions=tuple(replace(part, ground=None) for part in self.compressions))
 
     @property

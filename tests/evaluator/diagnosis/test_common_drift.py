@@ -80,17 +80,18 @@ def test_drift_is_found_by_what_it_does_within_a_run(true: Drift, seed: int) -> 
     assert found.about_mean_mm(4.0) == pytest.approx(true.about_mean_mm(4.0), rel=0.35)
 
 
-@pytest.mark.parametrize("walk", [0.0, 0.7])
+@pytest.mark.parametrize(("walk", "late_changes"), [(0.0, 0), (0.7, 0), (0.0, 2), (0.7, 2)])
 @pytest.mark.parametrize("drift", [NO_DRIFT, Drift(0.6, 8.0), Drift(creep_mm_s=0.8), Drift(0.6, 8.0, 0.8)])
-def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk: float) -> None:
+def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk: float, late_changes: int) -> None:
     """Of features that are three of either coordinate of the midpoint and three others; start poses are free."""
     rng, prior, third = np.random.default_rng(0), np.array([0.7**-2.0, 0.0]), FEATURES // 3
     runs, dense, widths = [], [], 0.0
     for view in linear_runs():
         wanders, creeps = rng.uniform(0, 5, third), rng.normal(size=third)
         friction = rng.normal(size=(FEATURES, 2))
-        runs.append(_Run(view, wanders, creeps, friction))
-        covariance = np.eye(FEATURES) + walk**2 * friction @ friction.T
+        late = rng.normal(size=(FEATURES, late_changes))
+        runs.append(_Run(view, wanders, creeps, friction, late))
+        covariance = np.eye(FEATURES) + walk**2 * friction @ friction.T + late @ late.T
         for coordinate in (slice(0, third), slice(third, 2 * third)):
             covariance[coordinate, coordinate] += drift.size_mm**2 * np.diag(wanders)
             covariance[coordinate, coordinate] += drift.creep_mm_s**2 * np.outer(creeps, creeps)

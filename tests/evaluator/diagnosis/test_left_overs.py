@@ -172,12 +172,12 @@ def test_gap_of_a_run_is_the_rms_distance_of_its_midpoint() -> None:
 def test_floor_is_the_noise_of_both_coordinates_and_the_precision_of_the_model() -> None:
     noise = (Noise(0.003, 0.0, 0.1), Noise(0.004, 0.0, 0.1), Noise(9.0, 0.0, 0.1), Noise(9.0, 0.0, 0.1))
     data = [SimpleNamespace(time_s=np.linspace(0, 4, 240))]
-    for wander_mm in (0.0, 0.012):
-        ground = [SimpleNamespace(wander_mm=wander_mm)]
+    for random_mm in (0.0, 0.012):
+        ground = [SimpleNamespace(random_mm=random_mm)]
         problem: Any = SimpleNamespace(noise=[noise], length=1.0, data=data, open_ground=False, compressions=ground)
-        assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + wander_mm**2 + MODEL_FLOOR_MM**2)])
+        assert noise_floor(problem, [0]) == pytest.approx([np.sqrt(0.005**2 + random_mm**2 + MODEL_FLOOR_MM**2)])
         tracking_mm = np.hypot(0.005, MODEL_FLOOR_MM)
-        farthest = np.hypot(2.5 * tracking_mm, 4.0 * wander_mm)
+        farthest = np.hypot(2.5 * tracking_mm, 4.0 * random_mm)
         assert farthest_followed(problem, [0]) == pytest.approx([farthest])
 
 
@@ -190,7 +190,7 @@ def test_floor_holds_what_a_start_pose_leaves_of_a_drift_but_on_ground_all_that_
             length=1.0,
             data=data,
             open_ground=ground,
-            compressions=[SimpleNamespace(wander_mm=0.0)],
+            compressions=[SimpleNamespace(random_mm=0.0)],
         )
         assert noise_floor(problem, [0])[0] == pytest.approx(np.sqrt(2) * per_coordinate, rel=1e-3)
     assert drifting.about_mean_mm(4.0) < 0.6 * drifting.sigma_mm
@@ -227,7 +227,7 @@ def changed_in(
         length=1.0,
         data=[replace(item, **run) for item in data],
         noise=[noise] * len(pairs),
-        compressions=[SimpleNamespace(wander_mm=0.0)] * len(pairs),
+        compressions=[SimpleNamespace(random_mm=0.0)] * len(pairs),
         forward=SimpleNamespace(marks=lambda tasks: [pairs[number][0 if acts else 1] for number, acts in tasks]),
     )
     point = make_dataclass("P", ["terms"], namespace={"task": lambda self, run: (run, bool(self.terms))})

@@ -55,6 +55,7 @@ def test_drift_is_estimated_from_features_of_which_the_ground_is_undone(monkeypa
 
     monkeypatch.setattr(module, "changed", lambda view, undone: f"{view} {undone}")
     monkeypatch.setattr(module, "friction_shifts", lambda *_: [(None, None)] * 2)
+    monkeypatch.setattr(module, "late_shifts", lambda *_: [None] * 2)
     monkeypatch.setattr(module, "prior_precision", lambda *_: None)
     monkeypatch.setattr(module, "common_drift", drift)
     parts = [SimpleNamespace(ground=ground, used=slice(None)) for ground in (None, SimpleNamespace(undone="undone"))]

@@ -53,10 +53,10 @@ def test_a_gap_of_held_out_runs_has_to_shrink_where_it_is_two_and_a_half_times_t
 
 
 @pytest.mark.parametrize(
-    ("off_mm", "wander_mm", "floors"), [(0.0, 0.0, 0.0), (6.0, 0.0, 0.980), (6.0, 4.0, 0.696), (6.0, 8.0, 0.0)]
+    ("off_mm", "random_mm", "floors"), [(0.0, 0.0, 0.0), (6.0, 0.0, 0.980), (6.0, 4.0, 0.696), (6.0, 8.0, 0.0)]
 )
 def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
-    off_mm: float, wander_mm: float, floors: float
+    off_mm: float, random_mm: float, floors: float
 ) -> None:
     """Two runs with noise of 3, 4 and 5 mm along x, y and the direction; one of them is off in its direction."""
     noise = [SimpleNamespace(sigma_mm=sigma) for sigma in (3.0, 4.0, 5.0, 1.0)]
@@ -67,7 +67,7 @@ def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
         open_ground=True,
         noise=[noise, noise],
         residuals=lambda tasks: [runs[task] for task in tasks],
-        compressions=[SimpleNamespace(wander_mm=wander_mm)] * 2,
+        compressions=[SimpleNamespace(random_mm=random_mm)] * 2,
     )
     fit: Any = SimpleNamespace(runs=(0, 1), point=SimpleNamespace(task=lambda run: run))
     assert beyond_noise(problem, fit) == pytest.approx(floors, abs=1e-3)

@@ -72,13 +72,14 @@ class _Run:
 
     view: its linearization. wanders: (k,), variances that a random drift of 1 mm adds to the features of each
     coordinate of the midpoint. creeps: (k,), changes by a creep of 1 mm/s. friction: (d, m), changes of all features by
-    each mode of a friction with a random walk of 1 per 1 mm.
+    each mode of a friction with a random walk of 1 per 1 mm. late: (d, c), changes by one sigma of each late change.
     """
 
     view: Linearized
     wanders: Floats
     creeps: Floats
     friction: Floats
+    late: Floats
 
 
 def common_drift(
@@ -90,16 +91,20 @@ def common_drift(
     friction: Sequence[Floats],
     each: Each = map,
     begin: Place = MIDDLE,
+    late: Sequence[Floats] | None = None,
 ) -> CommonNoise:
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
     views: columns of common parameters included. times_s: of the frames used. prior_precision: (p,) of the common
-    parameters. assumed: the drift for which the views are whitened; they are not whitened for varying friction.
+    parameters. assumed: the drift for which the views are whitened; they are not whitened for varying friction and late
+    changes.
     friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. begin:
-    where the search begins on the grid. Drift or rate is 0 if the views are explained as well without it, within
-    chance. Evidences of several models are comparable if their views are whitened alike.
+    where the search begins on the grid. late: features (d, c) of each run by one sigma of each late change of its
+    commands, if there are any. Drift or rate is 0 if the views are explained as well without it, within chance.
+    Evidences of several models are comparable if their views are whitened alike.
     """
-    frames = list(zip(views, compressions, times_s, friction, strict=True))
+    late = late or [part[:, :0] for part in friction]
+    frames = list(zip(views, compressions, times_s, friction, late, strict=True))
 
     @cache
     def lasting(time: int) -> list[_Run]:
@@ -145,7 +150,13 @@ def _around(place: Place, free: Sequence[int]) -> list[Place]:
 
 
 def _run(
-    view: Linearized, compression: Compression, time_s: Floats, friction: Floats, lasting_s: float, assumed: Drift
+    view: Linearized,
+    compression: Compression,
+    time_s: Floats,
+    friction: Floats,
+    late: Floats,
+    lasting_s: float,
+    assumed: Drift,
 ) -> _Run:
     """The run in features for which the covariances of noise without drift and of random drift are diagonal."""
     functional = compression.functional[0]
@@ -154,7 +165,7 @@ def _run(
     variances, vectors = eigh(wanders, noise)
     creeps = vectors.T @ (functional.T @ (time_s - time_s[0]))
     turned = partial(_of_midpoint, vectors.T)
-    return _Run(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T)
+    return _Run(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T, turned(late.T).T)
 
 
 def changed(view: Linearized, change: Callable[[Floats], Floats]) -> Linearized:
@@ -183,8 +194,9 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precisi
         turned = partial(_of_midpoint, white)
         view = changed(run.view, turned)
         widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))
-        if walk:
-            ground = friction_wander.whitening(walk * turned(run.friction.T).T)
+        random = np.hstack([walk * run.friction[:, : run.friction.shape[1] * bool(walk)], run.late])
+        if random.shape[1]:
+            ground = friction_wander.whitening(turned(random.T).T)
             view = changed(view, ground.of)
             widths += ground.log_det
         views.append(view)
