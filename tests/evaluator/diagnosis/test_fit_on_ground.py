@@ -206,15 +206,13 @@ def test_friction_of_ice_is_not_believed_without_late_motors() -> None:
         assert cast("Any", Fit.unbelieved).fget(fit) == unbelieved
 
 
-def test_slopes_on_ground_hold_no_jump() -> None:
+def test_slopes_hold_no_jump() -> None:
     """The step of the derivative is 0.02; at 0.04 it leads over the edge at 0.05, and the other side is smooth."""
     at = Point(np.zeros((3, 7)), terms={"drift": (0.04,)})
     column = Column("drift", 0, DRIFT)
-    for length, over in ((100.0, False), (1.0, True)):
+    for length in (100.0, 1.0):
         first, second, _ = problem_of(Steps(-60.0), length).linearized(at, [column])
-        assert (np.abs(second.common).max() > 100) == over
-        smooth = np.allclose(second.common, first.common, atol=1e-9)
-        assert smooth != over
+        np.testing.assert_allclose(second.common, first.common, atol=1e-9)
         for view in (first, second):  # what is left of the response at the point is what the model leaves there
             left = view.response - view.common @ [0.04]
             assert np.abs(left).max() == pytest.approx(TRUTH - 0.04, abs=1e-9)

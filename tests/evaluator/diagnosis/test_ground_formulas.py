@@ -37,11 +37,11 @@ def test_motion_bends_where_slopes_miss_a_fifth_of_a_sigma_and_a_twentieth_of_a_
 
 def test_a_central_slope_is_exact_for_a_parabola() -> None:
     def features(value: float) -> np.ndarray:
-        return np.array([3.0, -1.0]) * value + np.array([40.0, 7.0]) * value**2
+        return np.array([3.0, -1.0]) * value + np.array([4.0, 0.7]) * value**2
 
     forward = (features(0.2) - features(0.7)) / 0.5  # minus the derivative, as the slopes of a residual
     found = central_slope(forward, features(0.2), features(-0.3), 0.5)
-    np.testing.assert_allclose(found, -np.array([3.0 + 16.0, -1.0 + 2.8]))
+    np.testing.assert_allclose(found, -np.array([3.0 + 1.6, -1.0 + 0.28]))
 
 
 def test_views_with_other_slopes_predict_the_same_features_where_they_are_seen() -> None:
@@ -144,3 +144,17 @@ def test_a_term_is_within_bounds_where_clipping_changes_nothing(value: float, wi
     point = Point(np.zeros((1, 7)), terms={"t": (value,)})
     assert point.is_within_bounds(Column("t", term=term)) == within
     assert point.is_within_bounds(Column("body.mass_g"))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("jump", "over"), [(9.0, False), (90.0, True)])
+def test_a_slope_on_a_plate_is_taken_from_the_side_without_a_jump(side: float, jump: float, over: bool) -> None:
+    """Features grow by 2 a unit, and by a jump where the parameter exceeds 0.1 on one side."""
+    step = 0.5
+
+    def features(at: float) -> np.ndarray:
+        return np.array([2.0 * at + side * jump * (side * at > 0.1)])
+
+    ahead = (features(0.0) - features(step)) / step
+    slope = central_slope(ahead, features(0.0), features(-step), step)
+    assert slope.tolist() == pytest.approx([-2.0 if over else -2.0 - jump])
