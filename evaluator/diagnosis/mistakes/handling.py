@@ -1,4 +1,4 @@
-"""Frames in which a hand moves the robot: it is laid down while the film runs already, or taken away after its stop.
+"""Frames in which a hand moves the robot: it is laid down or nudged before it starts, or taken away after its stop.
 
 That is no mistake, and no motion of the robot's own: the run is what lies between.
 """
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, arm_mm
 from evaluator.robust import PER_MEDIAN
 
@@ -28,6 +29,10 @@ def between_hands(run: RunData) -> slice:
         if len(carried):
             laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
             begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
+        # a nudge too small to be a hand's carrying, and a knock at the camera, do not matter before the start
+        nudge = jump(run.first(int(np.searchsorted(time, on_s + RESTS_S))))
+        if nudge is not None and nudge[0] < on_s - BEFORE_START_S:
+            begin = max(begin, int(np.searchsorted(time, nudge[0])))
     if off_s is not None:
         carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S)
         if len(carried):

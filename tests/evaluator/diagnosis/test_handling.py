@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,14 @@ def test_run_begins_where_the_robot_rests_after_it_was_laid_down() -> None:
 
 def test_run_ends_where_the_robot_is_taken_away() -> None:
     assert kept_s(filmed(taken_away_s=3.0)) == pytest.approx((0.0, 3.0), abs=0.04)
+
+
+@pytest.mark.parametrize(("nudged_s", "begins_s"), [(0.5, 0.5), (0.8, 0.8), (0.95, 0.0), (1.5, 0.0)])
+def test_run_begins_after_a_nudge_that_is_surely_before_its_start(nudged_s: float, begins_s: float) -> None:
+    """By 0.15 mm, from one frame to the next; later ones are left to those who look for disturbances."""
+    run = filmed()
+    nudged = replace(run, marks_mm=run.marks_mm + 0.15 * (run.time_s > nudged_s)[:, None] * [0.6, 0.8, 0.6, 0.8])
+    assert kept_s(nudged)[0] == pytest.approx(begins_s, abs=0.02)
 
 
 @pytest.mark.parametrize(
