@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.end_to_end.commands import turnscope, turnscope_process
+from tests.end_to_end.commands import turnscope
 from tests.evaluator.synthetic import three_runs
 
 
@@ -96,7 +96,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert plan.returncode == 0
     assert "3 of 3 runs to compute" in plan.stdout
     assert not (folder / "out").exists()
-    done = turnscope_process("report", experiment, "-o", folder / "out", "--json", "--workers", 1)
+    done = turnscope("report", experiment, "-o", folder / "out", "--json", "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == {"report": str(folder / "out" / "report.html"), "faults": {}}
     return folder / "out"
