@@ -89,8 +89,11 @@ def test_what_only_posix_has_stands_where_the_operating_system_is_dealt_with() -
 
 
 def _posix_names(path: Path) -> set[str]:
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    found: set[str] = set()
+    text = path.read_text(encoding="utf-8")
+    if not any(name in text for name in MODULES | NAMES):  # most files; to parse takes longer
+        return found
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names} & MODULES
         elif isinstance(node, ast.ImportFrom):
