@@ -25,6 +25,8 @@ from numba.core import config
 from numba.core.caching import Cache, CompileResultCacheImpl, NullCache, _CacheLocator
 from numba.core.compiler_lock import global_compiler_lock
 
+from calibration.compilation.lookups import fast_lookups
+
 ROOT = Path(__file__).parents[2]  # of the packages
 IMPORTED = re.compile(
     r"^[ \t]*from[ \t]+((?:calibration|simulator|evaluator)[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|.*)", re.MULTILINE
@@ -41,7 +43,7 @@ def keep_on_disk(kernel: Any) -> None:
     compile_now = kernel.compile
 
     def compile_alone(signature: Any) -> Any:
-        with global_compiler_lock, _alone(on_disk.index):
+        with global_compiler_lock, _alone(on_disk.index), fast_lookups():
             entry = compile_now(signature)
         _give_environments(kernel)
         return entry
