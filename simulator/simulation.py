@@ -17,9 +17,9 @@ from simulator.command import Command
 from simulator.dynamics.model import compile_robot, room_for
 from simulator.dynamics.record import model_type
 from simulator.errors import SimulationError
-from simulator.integrator.batch import TOLERANCE_MM, integrate_many
+from simulator.integrator.batch import TOLERANCE_MM, integrate_many, integrate_one
 from simulator.integrator.convergence import CHECKS, MOST_CHECK_STEPS, commands_beside, settled_mm, unsettled_mm
-from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.integrator.run_kernel import DONE, MOST_STEPS
 from simulator.nominal_robot import WHEELS
 from simulator.robot import Robot
 from simulator.run import Run, State
@@ -83,7 +83,7 @@ def _followed(problem: tuple[Any, Array, Array, Array], tolerance_mm: float, mos
     model, knots, state, times = problem
     states = np.empty((len(times), 6))
     # Writable copies: for read-only arrays the kernel would be compiled again.
-    done, steps, grown = integrate_run(model, knots, state.copy(), times.copy(), states, tolerance_mm, most_steps)
+    done, steps, grown = integrate_one(model, knots, state.copy(), times.copy(), states, tolerance_mm, most_steps)
     if done != DONE:
         raise SimulationError(
             f"the simulation did not finish within {steps} steps; "

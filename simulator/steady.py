@@ -13,8 +13,8 @@ from simulator.dynamics.motors import held_drive
 from simulator.dynamics.scale import state_units
 from simulator.errors import SimulationError
 from simulator.integrator.balance import newton
-from simulator.integrator.batch import TOLERANCE_MM
-from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.integrator.batch import TOLERANCE_MM, integrate_one
+from simulator.integrator.run_kernel import DONE, MOST_STEPS
 from simulator.integrator.stability import is_stable
 from simulator.robot import Robot
 from simulator.run import WheelStates
@@ -144,7 +144,7 @@ def settled(model: Any, left: float, right: float, velocity: Array, linear: Arra
     state, out = np.zeros(6), np.empty((2, 6))
     knots = np.array([[0.0, left, right]])
     settling_s = SETTLING_S * float(model["time_unit"])
-    done, _, _ = integrate_run(model, knots, state, settling_s, out, TOLERANCE_MM, MOST_STEPS)
+    done, _, _ = integrate_one(model, knots, state, settling_s, out, TOLERANCE_MM, MOST_STEPS)
     velocity[:] = state[3:]
     return bool(done == DONE and balanced(model, left, right, velocity, linear) and is_stable(linear))
 

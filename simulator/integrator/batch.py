@@ -16,6 +16,22 @@ TOLERANCE_MM = 1e-7  # local error of a step, as displacement; the global error 
 SHARES_OF_A_THREAD = 8  # chunks of work per thread, because runs differ in length
 
 
+def integrate_one(
+    model: Any, knots: Any, state: Any, times: Any, out: Any, tolerance: float, most_steps: int
+) -> tuple[int, int, float]:
+    """Integrate one run; arguments and results as of run_kernel.integrate_run. NaN in out and state if it fails.
+
+    It is a batch of one, as a kernel of its own would have to be compiled, too.
+    """
+    first, outcome = np.zeros(1, np.int64), np.empty((1, 3))
+    # Copies are writable: kernels are compiled anew for arrays that are not.
+    models, edges = np.array([model]), np.array([0, len(times)])
+    task = (models, first, np.array(knots), np.array([0, len(knots)]), first, state[None], times, edges, out, tolerance)
+    integrate_some(0, 1, task, most_steps, outcome)
+    done, used, grown = outcome[0]
+    return int(done), int(used), float(grown)
+
+
 def integrate_many(
     models: Any,
     model_of: Any,
@@ -37,25 +53,28 @@ def integrate_many(
     """
     runs = len(states)
     task = (models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance)
-    threads = min(get_num_threads(), runs)
+    outcome, threads = np.empty((runs, 3)), min(get_num_threads(), runs)
     if threads <= 1:
-        integrate_some(0, runs, task, most_steps)
+        integrate_some(0, runs, task, most_steps, outcome)
         return
     shares = np.linspace(0, runs, min(runs, SHARES_OF_A_THREAD * threads) + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
-        done = [pool.submit(integrate_some, begin, end, task, most_steps) for begin, end in pairwise(shares)]
+        done = [pool.submit(integrate_some, begin, end, task, most_steps, outcome) for begin, end in pairwise(shares)]
         for share in done:
             share.result()
 
 
 @compiled(nogil=True)
-def integrate_some(begin: int, end: int, task: Any, most_steps: int) -> None:
-    """Integrate runs begin to end (excluded); task: arguments of integrate_many."""
+def integrate_some(begin: int, end: int, task: Any, most_steps: int, outcome: Any) -> None:
+    """Integrate runs begin to end (excluded) of a task, the arguments of integrate_many.
+
+    outcome (n, 3): receives what integrate_run returns for each run.
+    """
     models, model_of, knots, knot_edges, command_of, states, times, edges, out, tolerance = task
     for run in range(begin, end):
         command = command_of[run]
         own = out[edges[run] : edges[run + 1]]
-        done, _, _ = integrate_run(
+        done, used, grown = integrate_run(
             models[model_of[run]],
             knots[knot_edges[command] : knot_edges[command + 1]],
             states[run],
@@ -64,6 +83,7 @@ def integrate_some(begin: int, end: int, task: Any, most_steps: int) -> None:
             tolerance,
             most_steps,
         )
+        outcome[run, 0], outcome[run, 1], outcome[run, 2] = done, used, grown
         if done != DONE:
             own[:] = np.nan
             states[run] = np.nan

@@ -34,7 +34,7 @@ STALLED_STEP_S, MOST_STALLED = 2e-9, 60
 DONE, FAILED = 0, 1
 
 
-@compiled(shared=True)
+@compiled()
 def integrate_run(
     model: Any,
     knots: Any,

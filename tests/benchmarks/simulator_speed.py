@@ -28,7 +28,8 @@ from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import fresh_contacts
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.entry import EffectEntry
-from simulator.integrator.run_kernel import MOST_STEPS, integrate_run
+from simulator.integrator.batch import integrate_one
+from simulator.integrator.run_kernel import MOST_STEPS
 from simulator.robot import Robot, load_robot
 from simulator.simulation import simulate, simulate_batch
 from simulator.steady import steady_map
@@ -143,7 +144,7 @@ def effects() -> None:
     def run_with(chosen: dict[str, dict[str, float]]) -> Callable[[], object]:
         entries = tuple(EffectEntry.model_validate({"id": id_, **values}) for id_, values in chosen.items())
         model = compile_robot(robot.model_copy(update={"effect": entries}))[0]
-        return lambda: integrate_run(model, command.knots, np.zeros(6), TIMES_S, out, 1e-6, MOST_STEPS)
+        return lambda: integrate_one(model, command.knots, np.zeros(6), TIMES_S, out, 1e-6, MOST_STEPS)
 
     calls = {"nominal": run_with({}), f"with {', '.join(SEVERAL)}": run_with(SEVERAL)}
     for id_, effect in EFFECTS.items():

@@ -12,7 +12,8 @@ import pytest
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
 from simulator.effects.entry import EffectEntry
-from simulator.integrator.run_kernel import DONE, MOST_STEPS, integrate_run
+from simulator.integrator.batch import integrate_one
+from simulator.integrator.run_kernel import DONE, MOST_STEPS
 from simulator.robot import Robot
 from simulator.simulation import simulate
 from tests.simulator.effect_probe import with_effects
@@ -129,7 +130,7 @@ def test_wheel_that_turns_over_on_a_varying_plate_is_stepped_over_and_collocatio
 def states_and_steps(model: Any, command: Command, times_s: np.ndarray, tolerance_mm: float) -> tuple[np.ndarray, int]:
     """States (n, 6) of a run from rest, and how many steps it took."""
     out = np.empty((len(times_s), 6))
-    done, steps, _ = integrate_run(model, command.knots, np.zeros(6), times_s.copy(), out, tolerance_mm, MOST_STEPS)
+    done, steps, _ = integrate_one(model, command.knots, np.zeros(6), times_s.copy(), out, tolerance_mm, MOST_STEPS)
     assert done == DONE
     return out, steps
 

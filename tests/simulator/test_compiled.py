@@ -29,7 +29,6 @@ import numpy as np
 from simulator.command import Command
 from simulator.simulation import simulate, simulate_batch
 from simulator.integrator.batch import integrate_some
-from simulator.integrator.run_kernel import integrate_run
 from simulator.robot import load_robot
 from simulator.steady import steady_turn
 from simulator.wheel_states import _fill
@@ -38,7 +37,7 @@ robot, command, times = load_robot("barrel"), Command.constant(20.0, 30.0), np.l
 steady_turn(robot, 20.0, 30.0)
 simulate(robot, command, times).to_table()
 simulate_batch([robot], [command] * 2, times, summary=True)
-print([len(kernel.signatures) for kernel in (integrate_run, integrate_some, _fill)])
+print([len(kernel.signatures) for kernel in (integrate_some, _fill)])
 """
 
 
@@ -54,4 +53,4 @@ def test_processes_that_start_together_share_the_work_of_compiling(tmp_path: Pat
 
 def test_kernels_of_runs_are_compiled_for_one_kind_of_arguments() -> None:
     done = subprocess.run([sys.executable, "-c", ONE_KIND], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[1, 1, 1]"
+    assert done.stdout.strip() == "[1, 1]"

@@ -150,10 +150,10 @@ def test_second_process_does_not_compile() -> None:
         "import sys, numpy as np\n"
         "from simulator.command import Command\n"
         "from simulator.simulation import simulate\n"
-        "from simulator.integrator.run_kernel import integrate_run\n"
+        "from simulator.integrator.batch import integrate_some\n"
         "from simulator.robot import load_robot\n"
         "simulate(load_robot('barrel'), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))\n"
-        "print(sum(integrate_run.stats.cache_misses.values()), sum(integrate_run.stats.cache_hits.values()))\n"
+        "print(sum(integrate_some.stats.cache_misses.values()), sum(integrate_some.stats.cache_hits.values()))\n"
     )
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)

@@ -9,7 +9,8 @@ import pytest
 
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
-from simulator.integrator.run_kernel import DONE, integrate_run
+from simulator.integrator.batch import integrate_one
+from simulator.integrator.run_kernel import DONE
 from simulator.robot import load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate
@@ -80,7 +81,7 @@ def test_motors_that_speed_up_from_rest_take_no_creeping_steps() -> None:
     # Motors pass through the rounding of rest within microseconds; so long a difference in time would blur it.
     model, command = compile_robot(load_robot("tire"))[0], Command.ramp(91.66, 90.0, 0.0, 1.0)
     out = np.empty((len(TIMES_S), 6))
-    done, steps, _ = integrate_run(model, command.knots, np.zeros(6), TIMES_S.copy(), out, 1e-7, 1000)
+    done, steps, _ = integrate_one(model, command.knots, np.zeros(6), TIMES_S.copy(), out, 1e-7, 1000)
     assert done == DONE
     assert steps < 120
 

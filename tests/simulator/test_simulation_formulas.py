@@ -88,7 +88,7 @@ def test_growth_of_disturbances_is_that_of_the_solution_that_is_shown_and_stays_
 
 
 def test_a_solution_has_the_steps_it_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "integrate_run", lambda *given: (1, given[-1], 0.0))
+    monkeypatch.setattr(simulation, "integrate_one", lambda *given: (1, given[-1], 0.0))
     with pytest.raises(SimulationError, match="did not finish within 77 steps"):
         simulation._followed((None, None, np.zeros(6), np.zeros(2)), 1e-7, 77)  # type: ignore[arg-type]
 

@@ -14,7 +14,6 @@ from evaluator.tracking.refinement import kernels, occluded_pixels
 from evaluator.tracking.uncertainty import rim
 from evaluator.workflow.execution import precompile
 from simulator.integrator.batch import integrate_some
-from simulator.integrator.run_kernel import integrate_run
 from tests.waiting import HANGS_S
 
 VIDEO = Path(__file__).parents[3] / "sample_videos" / "turn-33-5.mp4"
@@ -32,7 +31,7 @@ def test_what_the_tracker_calls_after_a_fit_is_compiled_as_the_tracker_calls_it(
 def test_trying_tracker_and_simulator_leaves_their_kernels_ready() -> None:
     precompile.measure_turn(VIDEO)
     precompile.simulate_run()
-    for kernel in (kernels._fit_disc, integrate_run, integrate_some):
+    for kernel in (kernels._fit_disc, integrate_some):
         assert kernel.signatures  # type: ignore[attr-defined, unused-ignore]
 
 
