@@ -230,7 +230,8 @@ def _carried_off(run: RunData) -> Found | None:
     moved = displacement_in_gap(run, _span(run))
     if moved is None:
         return None
-    seen = f"is {moved[2]:.2f} mm off its path after the gap without frames from {moved[0]:.2f} to {moved[1]:.2f} s"
+    # frames may be missing or set aside: those around a jump are
+    seen = f"is {moved[2]:.2f} mm off its path after {moved[0]:.2f} to {moved[1]:.2f} s, in which no frame was usable"
     remedy = "inspect the recording: was the robot pushed, or the camera moved?"
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
