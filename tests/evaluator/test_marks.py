@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evaluator.errors import InputError
 from evaluator.marks import columns_of, read_marks, write_marks
 
 COLUMNS = ("time_s", *columns_of(("green", "yellow")))
@@ -30,6 +31,30 @@ def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
     table = read_marks(path, ("green", "yellow"))
     assert table.iloc[0].tolist() == [0.5, -1.25, 2.0, 3.0, 4.75]
     assert table.iloc[1].isna().sum() == 2
+
+
+def test_marks_may_be_asked_for_by_any_series_of_names(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("\n".join([",".join(COLUMNS), *ROWS]) + "\n", encoding="utf-8")
+    assert len(read_marks(path, iter(("green", "yellow", "blue")))) == 3  # two of three suffice
+    with pytest.raises(InputError, match="lacks red_x_mm, red_y_mm"):
+        read_marks(path, iter(("red", "green")))
+
+
+def test_a_time_that_goes_back_is_told_with_its_line_and_the_one_before(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("time_s\n0.5\n0.75\n0.7\n0.8\n0.3\n", "utf-8")
+    with pytest.raises(InputError, match=r"line 4, time_s = 0\.7 does not come after 0\.75 of the line before"):
+        read_marks(path)
+
+
+def test_a_place_farther_than_a_thousand_kilometres_is_none_on_a_plate(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("time_s,green_x_mm,green_y_mm\n0,-1e9,\n1,1,1\n", "utf-8")
+    assert read_marks(path)["green_x_mm"].iloc[0] == -1e9
+    path.write_text("time_s,green_x_mm,green_y_mm\n0,1,1\n1,1,-1.01e9\n", "utf-8")
+    with pytest.raises(InputError, match=r"line 3, green_y_mm = -1\.01e\+09 is not a position"):
+        read_marks(path)
 
 
 def test_a_file_may_be_named_by_its_text(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from calibration.camera import camera_above
 from evaluator.errors import InputError
-from evaluator.pose import ONE_PLACE_MM, ROUNDING_SIGMA_MM, MarkGeometry, Poses, poses_from_marks
+from evaluator.pose import NO_HEADING, ONE_PLACE_MM, ROUNDING_SIGMA_MM, MarkGeometry, Poses, poses_from_marks
 
 from .turning.synthetic import GEOMETRY
 
@@ -110,12 +110,15 @@ def test_uncertainty_that_is_missing_or_zero_in_a_frame_is_the_usual_one_and_nev
 
 
 def test_a_single_mark_has_a_path_with_its_own_covariance_and_no_heading() -> None:
-    poses = poses_from_marks(table(green_x_sigma_mm=0.03, green_y_sigma_mm=0.04), LOPSIDED.only(["green"]))
+    marks = table(green_x_sigma_mm=0.03, green_y_sigma_mm=0.04, green_status="outside")
+    marks.loc[1, "green_x_mm"] = np.nan
+    poses = poses_from_marks(marks, LOPSIDED.only(["green"]))
     expected = np.full((40, 3, 3), np.nan)
     expected[:, :2, :2] = np.diag([0.03**2, 0.04**2])
     np.testing.assert_allclose(poses.covariance, expected)
     assert (poses.x_mm[0], poses.y_mm[0]) == (9.0, 22.0)
     assert np.isnan(poses.heading_rad).all()
+    assert poses.status[:2].tolist() == [NO_HEADING, "green: outside"]
 
 
 def test_without_uncertainties_the_scatter_of_the_distance_gives_that_of_a_coordinate() -> None:

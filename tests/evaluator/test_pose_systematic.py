@@ -54,6 +54,13 @@ def test_common_error_is_a_share_of_that_of_a_frame_and_a_part_of_a_pixel() -> N
     assert common_error_mm(table, unseen, covariances) == 0.0
 
 
+def test_scale_of_the_common_error_is_that_of_the_first_two_of_several_marks() -> None:
+    table = tracked().assign(blue_x_mm=0.0, blue_y_mm=0.0, blue_x_px=0.0, blue_y_px=0.0)
+    three = places(table) | {"blue": np.zeros((len(table), 2))}
+    covariances = np.tile(0.02**2 * np.eye(2), (len(table), 3, 1, 1))
+    assert common_error_mm(table, three, covariances) == common_error_mm(table, places(table), covariances[:, :2])
+
+
 def test_error_of_the_scale_moves_every_mark_away_from_the_middle_of_the_view_by_its_share() -> None:
     table = tracked()
     shifts = camera_shifts(table, places(table), 6.5, uncertain(focal_px=2.0))
@@ -88,6 +95,11 @@ def test_independent_errors_add_up_to_the_covariance_and_are_as_many_as_it_has_d
     assert errors.shape[1] == 3
     np.testing.assert_allclose(errors @ errors.T, root @ root.T, rtol=1e-9, atol=1e-14)
     assert _independent_errors(CAMERA).shape[1] == 0
+
+
+def test_an_error_counts_however_small_the_unit_of_its_parameter() -> None:
+    errors = _independent_errors(uncertain(focal_px=20.0, k2=1e-8))
+    assert sorted(np.abs(errors).max(axis=0)) == pytest.approx([1e-8, 20.0])
 
 
 @pytest.mark.parametrize(("count", "calls"), [(120, 120), (400, 120)])

@@ -67,6 +67,18 @@ def test_a_point_that_keeps_nearly_its_distance_from_one_of_the_others_is_the_od
     assert refused == {}
 
 
+def test_distances_beyond_their_limit_decide_before_those_beyond_half_of_it() -> None:
+    """The second point is off by 1.5 limits from both others, which are 0.7 limits too far from each other."""
+    points = np.broadcast_to(PLACES, (9, 3, 2)).copy()
+    points[4, 2, 1] += 0.0428
+    points[4, 1] += [0.09, -0.031]
+    off = np.linalg.norm(points[4] - points[4][[1, 2, 0]], axis=1) - np.linalg.norm(PLACES - PLACES[[1, 2, 0]], axis=1)
+    assert off / 0.06 == pytest.approx([1.5, 1.5, 0.7], abs=0.02)
+    wrong, refused = odd_points(points, 6.0, 0.01)
+    assert np.argwhere(wrong).tolist() == [[4, 1]]
+    assert refused == {}
+
+
 @pytest.mark.parametrize(("away", "odd"), [(0.059, False), (0.061, True)])
 def test_a_distance_is_odd_beyond_so_many_sigmas_of_the_least(away: float, *, odd: bool) -> None:
     points = np.broadcast_to(PLACES[:2], (9, 2, 2)).copy()

@@ -59,6 +59,18 @@ def test_a_tracker_looks_for_marks_as_far_apart_in_diameters_as_the_robot_says()
     assert wanted.body == ("green", "yellow")
 
 
+def test_a_tracker_without_marks_of_its_own_looks_for_those_of_the_robot_and_keeps_those_it_has() -> None:
+    shared = {"height_mm": 6.5, "y_mm": 0.0}
+    marks = [{"name": "red_top", "x_mm": 3.0}, {"name": "lamp", "x_mm": -3.0, "kind": "light"}]
+    robot = RobotGeometry(tuple(Mark.model_validate(shared | mark) for mark in marks))
+    wanted = sought(robot, None)
+    assert {name: mark.kind for name, mark in wanted.mark.items()} == {"red_top": "color", "lamp": "light"}
+    assert wanted.body == ("red_top", "lamp")
+    said = settings.TrackingSettings(mark={"blue": settings.MarkSettings()})
+    assert sought(robot, said).mark == said.mark
+    assert sought(robot, said).body is None
+
+
 def test_the_reference_line_runs_from_the_second_mark_to_the_first() -> None:
     np.testing.assert_allclose(reference_line(load_robot("barrel")), [0.0, 3.66])  # from yellow to green
 
