@@ -31,7 +31,7 @@ import pytest
 
 from tests.benchmarks.mutation.mutants import ROOT, Mutant, mutants
 from tests.benchmarks.mutation.reach import OURS, Place, Reach, Unit, tests_of, units
-from tests.benchmarks.mutation.runs import imported
+from tests.benchmarks.mutation.runs import ended, imported
 
 
 class Trial:
@@ -135,11 +135,15 @@ def _reached(mutant: Mutant, code: list[Unit], called: dict[str, set[Place]]) ->
 
 
 def in_fork(run: Callable[[], None], limit_s: float) -> int:
-    """Exit status of a fork that runs a function without a word, in a limited processor time; 0 if it returns."""
+    """Exit status of a fork that runs a function without a word, in a limited processor time; 0 if it returns.
+
+    A lock that another thread held at the fork is never released in it: such a fork is ended when it stands still.
+    """
     child = os.fork()
     if child == 0:
         status = 1
         try:
+            os.setsid()
             resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit_s),) * 2)
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
@@ -148,7 +152,7 @@ def in_fork(run: Callable[[], None], limit_s: float) -> int:
             status = 0
         finally:
             os._exit(status)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    return ended(child, limit_s)
 
 
 def unchanged(path: Path) -> str:
@@ -184,20 +188,26 @@ def _execute(path: Path, text: str) -> None:
         exec(compile(text, str(ROOT / path), "exec"), vars(module))  # noqa: S102  # our own code
         for name, new in vars(module).items():
             if inspect.isclass(new) and new.__module__ == module.__name__ and inspect.isclass(old := before.get(name)):
-                for part in [
-                    part for part in vars(new) if not part.startswith("__") and not _calls_super(vars(new)[part])
-                ]:
+                for part in [part for part, value in vars(new).items() if _is_handed_over(part, value, path)]:
                     with suppress(AttributeError, TypeError):  # of an enumeration, or one with slots
                         setattr(old, part, vars(new)[part])  # so that what the old one made acts as the new one says
         for other in [*_ours(), *copies]:
             for name in _imported(Path(str(other.__file__))):
                 owner, _, what = name.rpartition(".")
-                if owner == module.__name__ and what in before and vars(other).get(what) is before[what]:
+                ours = owner == module.__name__ or callable(before.get(what))  # it may come by way of another module
+                if ours and what in before and vars(other).get(what) is before[what]:
                     setattr(other, what, vars(module)[what])
 
 
 def _name_of(path: Path) -> str:
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def _is_handed_over(name: str, part: object, path: Path) -> bool:
+    """Whether what an old class made acts by this part of the new one: not by what a decorator writes, as __init__."""
+    special = name.startswith("__")
+    written = isinstance(part, FunctionType) and part.__code__.co_filename == str(ROOT / path)
+    return (written or not special) and not _calls_super(part)
 
 
 def _calls_super(part: object) -> bool:

@@ -97,19 +97,23 @@ def _passes(
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit_s), math.ceil(limit_s) + 5))
         _run_and_leave(tests, changed, plugin, file)
+    code = ended(child, limit_s)
+    return None if code in (-signal.SIGXCPU, -signal.SIGKILL) else code == 0
+
+
+def ended(child: int, limit_s: float) -> int:
+    """Exit status of a child that leads its process group; it is killed where it seems to wait for ever."""
     ends = time.monotonic() + WAITS * limit_s
     worked, idle_since = "", time.monotonic()
     while time.monotonic() < min(ends, idle_since + IDLE_S):
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
-            code = os.waitstatus_to_exitcode(status)
-            return None if code in (-signal.SIGXCPU, -signal.SIGKILL) else code == 0
+            return os.waitstatus_to_exitcode(status)
         if (now := _worked(child)) != worked or not now:
             worked, idle_since = now, time.monotonic()
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def _worked(process: int) -> str:
