@@ -68,7 +68,7 @@ def simulated_path(robot: Robot, run_command: RunCommand, poses: Poses, run_inde
     simulated, measured = (each.x_mm + 1j * each.y_mm for each in (seen, poses))
     both = np.isfinite(simulated) & np.isfinite(measured)
     middle, target = simulated[both].mean(), measured[both].mean()
-    turn = float(np.angle(np.sum((simulated[both] - middle).conj() * (measured[both] - target))))
+    turn = float(np.angle(np.sum((simulated[both] - middle).conj() * measured[both])))
     place = target + np.exp(1j * turn) * (complex(start.x_mm, start.y_mm) - middle)
     moved = State(float(place.real), float(place.imag), start.heading_rad + turn)
     return _simulated_from(moved, robot, run_command, poses, run_index)

@@ -23,7 +23,7 @@ ROUNDING_SIGMA_MM = 1e-6 / np.sqrt(12)
 ONE_PLACE_MM = 10 * ROUNDING_SIGMA_MM
 UNNAMED = "mark "
 CORNER = "_corner"  # part of the names of corners of tags
-# Drawn axes in distances of the marks: of the paper's robot, from its centre just beyond its front and to its wheels.
+# Drawn axes in distances of the marks: of the paper's robot, from its centre beyond its front and to its wheels.
 AHEAD, TO_THE_LEFT = 1.1, 0.55
 
 

@@ -257,8 +257,5 @@ def _weights(names: Sequence[str], covariances: Array, points: Array, good: NDAr
     traces = np.trace(covariances, axis1=2, axis2=3)
     seen = np.isfinite(points).all(axis=2) & good[:, None]
     scatter = np.array([np.median(traces[rows, k]) if rows.any() else np.inf for k, rows in enumerate(seen.T)])
-    if not np.isfinite(scatter).any():
-        return np.full(len(scatter), 1 / len(scatter))
     # The centre of a tag is that of its corners, and adds no information.
-    weights = np.where([f"{name}{CORNER}" in names for name in names], 0.0, 1 / scatter)
-    return np.asarray(weights / weights.sum())
+    return np.where([f"{name}{CORNER}" in names for name in names], 0.0, 1 / scatter)

@@ -107,7 +107,7 @@ def _independent_errors(camera: Camera) -> Array:
     sigma = np.sqrt(np.diag(camera.covariance))
     unit = np.where(sigma > 0, sigma, 1.0)
     values, vectors = np.linalg.eigh(camera.covariance / np.outer(unit, unit))
-    kept = values > 1e-12 * max(float(values.max()), 1e-300)
+    kept = values > 1e-12  # of correlations: the largest is at least 1
     return np.asarray(unit[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
 
 

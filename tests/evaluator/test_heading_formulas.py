@@ -87,6 +87,14 @@ def test_a_step_of_one_and_a_half_intervals_is_a_gap_and_a_shorter_one_is_not() 
     assert found[11] - found[10] == pytest.approx(3.5 - 2 * np.pi)
 
 
+@pytest.mark.parametrize("known", [2, 3])
+def test_two_headings_are_enough_to_be_unwrapped(known: int) -> None:
+    heading = np.array([3.0, -3.0, -2.8, np.nan, np.nan])
+    heading[known:] = np.nan
+    found = unwrapped_across_gaps(np.arange(5.0), heading)
+    np.testing.assert_allclose(found - heading, [0.0, 2 * np.pi, 2 * np.pi if known == 3 else np.nan, np.nan, np.nan])
+
+
 @pytest.mark.parametrize("known", [0, 1, 2])
 def test_heading_of_few_frames_is_left_as_it_is(known: int) -> None:
     heading = np.full(4, np.nan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from evaluator.errors import InputError
@@ -39,6 +40,23 @@ def test_marks_may_be_asked_for_by_any_series_of_names(tmp_path: Path) -> None:
     assert len(read_marks(path, iter(("green", "yellow", "blue")))) == 3  # two of three suffice
     with pytest.raises(InputError, match="lacks red_x_mm, red_y_mm"):
         read_marks(path, iter(("red", "green")))
+
+
+@pytest.mark.parametrize("name", ["time_s", "green_y_mm", "green_x_px", "green_xy_cov_mm2"])
+def test_text_in_a_column_of_numbers_is_refused_with_its_line(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "marks.csv"
+    table = pd.DataFrame({"time_s": [0, 1], "note": ["a", "b"], name: ["2", "left"]})
+    write_marks(table, path)
+    with pytest.raises(InputError, match=f"line 3, {name} = 'left' is not a number"):
+        read_marks(path)
+
+
+def test_whole_numbers_are_read_as_such_of_any_other_column_and_notes_stay(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    write_marks(pd.DataFrame({"time_s": [0, 1], "green_x_mm": [3, 4], "note": ["a", "b"]}), path)
+    table = read_marks(path)
+    assert (table["time_s"].dtype, table["green_x_mm"].dtype) == (float, float)
+    assert table["note"].tolist() == ["a", "b"]
 
 
 def test_a_time_that_goes_back_is_told_with_its_line_and_the_one_before(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
 from evaluator.settings import load_measured
 from evaluator.tracking import settings
@@ -69,6 +70,14 @@ def test_a_tracker_without_marks_of_its_own_looks_for_those_of_the_robot_and_kee
     said = settings.TrackingSettings(mark={"blue": settings.MarkSettings()})
     assert sought(robot, said).mark == said.mark
     assert sought(robot, said).body is None
+
+
+def test_axes_of_the_papers_robot_are_drawn_beyond_its_front_and_to_its_wheels() -> None:
+    robot = load_robot("barrel")
+    ahead_mm, left_mm = MarkGeometry.of_robot(robot).axes_mm
+    axle_mm, side_mm = robot.wheel_positions_mm().max(axis=0)
+    assert axle_mm + robot.driving_radius_mm < ahead_mm < robot.body.length_mm
+    assert left_mm == pytest.approx(side_mm, rel=0.05)
 
 
 def test_the_reference_line_runs_from_the_second_mark_to_the_first() -> None:
