@@ -112,7 +112,7 @@ def aligned_starts(data: Sequence[RunData], forward: Forward) -> Floats:
         measured = item.marks_mm[early].reshape(-1, 2)
         model = marks[early].reshape(-1, 2)
         measured_z, model_z = (a[:, 0] + 1j * a[:, 1] for a in (measured, model))
-        turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z - model_z.mean())))
+        turn = np.angle(np.sum((measured_z - measured_z.mean()) * np.conj(model_z)))  # one mean is enough
         shift = measured_z.mean() - np.exp(1j * turn) * model_z.mean()
         per_run[run, :3] = shift.real, shift.imag, turn
     return per_run

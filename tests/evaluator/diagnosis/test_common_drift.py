@@ -151,6 +151,8 @@ def test_common_drift_is_part_of_the_covariance() -> None:
         ((7, 2, 3, 4), BELIEVED - 0.1, BELIEVED + 0.1, (0, 2, 0, 4)),  # the marks may stand still
         ((7, 2, 3, 4), 0.4 * BELIEVED, 0.4 * BELIEVED, (0, 2, 0, 0)),
         ((0, 1, 0, 4), BELIEVED + 0.1, BELIEVED + 0.1, (0, 1, 0, 4)),
+        ((7, 2, 0, 4), BELIEVED + 0.1, BELIEVED + 0.1, (7, 2, 0, 4)),  # it wanders and does not creep
+        ((0, 2, 3, 4), BELIEVED + 0.1, BELIEVED + 0.1, (0, 2, 3, 4)),  # it creeps alone
     ],
 )
 def test_drift_and_uneven_ground_are_told_where_they_gain_beyond_chance(

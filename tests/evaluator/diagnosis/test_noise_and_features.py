@@ -20,7 +20,7 @@ from evaluator.diagnosis.likelihood.features import (
     rms_apart,
 )
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED, Distance, drift, with_drift
-from evaluator.diagnosis.likelihood.noise.spectrum import Spectrum, spectrum
+from evaluator.diagnosis.likelihood.noise.spectrum import MEDIAN_OF_POWER, TAPERED, Spectrum, spectrum
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise, _banded, _decay, _density, fit_noise
 
 MARKS = np.array([[1.0, 4.0, 3.0, 2.0], [0.0, 2.0, 0.0, -2.0]])
@@ -190,6 +190,17 @@ def test_amplitude_of_a_run_is_one_within_what_chance_allows() -> None:
     model = 0.004**2 * (1 - decay**2) / (1 - 2 * decay * np.cos(2 * np.pi * frequency * 0.02) + decay**2)
     exact = Spectrum(frequency, 0.4549 * 4 * model, 0.02)
     assert _amplitude((exact,), slow) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("errors", "own"), [(3.1, False), (3.3, True), (-3.1, False), (-3.3, True)])
+def test_a_run_has_its_own_amplitude_beyond_so_many_standard_errors_of_its_median_power(
+    errors: float, *, own: bool
+) -> None:
+    """A median of powers scatters by 2.0 over the root of the independent modes, of which a taper leaves a share."""
+    modes, noise = 400, Noise(0.004, 0.0, 0.02)
+    power = 1 + errors * 2.0 / np.sqrt(TAPERED * modes)
+    run = Spectrum(np.linspace(3.1, 24, modes), np.full(modes, MEDIAN_OF_POWER * power * 0.004**2), 0.02)
+    assert _amplitude((run,), noise) == pytest.approx(np.sqrt(power) if own else 1.0)
 
 
 def test_spectra_leave_out_the_start_where_enough_frames_remain() -> None:

@@ -50,6 +50,20 @@ def test_shifts_by_a_start_are_those_of_a_path_that_is_moved_and_turned(monkeypa
     assert wander.shape == (MODES, 8, 4)
 
 
+def test_a_run_that_cannot_be_simulated_is_shifted_by_nothing() -> None:
+    used = np.arange(9) != 4
+    robot: Any = SimpleNamespace(wheel_positions_mm=lambda: np.zeros((4, 2)))
+    forward: Any = SimpleNamespace(robots=[robot], marks=lambda tasks: [np.full((9, 4), np.nan)] * len(tasks))
+    problem: Any = SimpleNamespace(
+        per_run_steps=np.full(7, 1e-3), half_distance_mm=HALF_MM, compressions=[SimpleNamespace(used=used)],
+        forward=forward,
+    )  # fmt: skip
+    ((known, wander),) = friction_shifts(problem, Point(np.zeros((1, 7))), [0])
+    assert (known.shape, wander.shape) == ((4, 8, 4), (MODES, 8, 4))
+    assert not known.any()
+    assert not wander.any()
+
+
 def test_the_first_seconds_of_runs_end_with_the_last_frame_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     counting = [np.arange(20) < 7, np.isin(np.arange(20), [3, 4, 11])]
     runs = [SimpleNamespace(first=lambda count, run=run: (run, count)) for run in range(2)]

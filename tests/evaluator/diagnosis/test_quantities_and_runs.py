@@ -219,6 +219,7 @@ def test_steps_of_derivatives_are_those_of_their_kind() -> None:
     point = Point(np.zeros((1, 7)), {"time_base": 0.3}, {"effect": (4.0,)})
     assert point.value(Column("effect", 0, term)) == 3.0
     assert point.moved(Column("effect", 0, term), 0.5).terms["effect"] == (4.5,)
+    assert point.moved(Column("effect", 0, term, to=(7.0,)), 0.5).terms["effect"] == (7.0,)
     assert point.moved(Column("time_base"), 0.5).nominal["time_base"] == pytest.approx(0.8)
     assert Point(np.zeros((1, 7))).moved(Column("effect", 0, term), 0.5).terms["effect"] == (1.5,)
     assert Point(np.zeros((1, 7))).value(Column("effect", 0, term)) == 0.0
