@@ -152,7 +152,7 @@ def in_fork(run: Callable[[], None], limit_s: float) -> int:
             status = 0
         finally:
             os._exit(status)
-    return ended(child, limit_s)
+    return ended(child, limit_s, STANDS_S)
 
 
 def unchanged(path: Path) -> str:
@@ -234,6 +234,7 @@ def _ours() -> list[ModuleType]:
 
 # Rooms whose modules are found, not imported by name, and the module that gathers what they declare.
 GATHERED = {"simulator/effects": Path("simulator/effects/catalogue.py")}
+STANDS_S = 10.0  # for which a fork that has all imported does nothing only if it waits for ever
 UNCOMPILED = "tests.simulator.plain"  # what it holds are modules of their own
 _imported = cache(imported)
 _OURS = tuple(f"{ROOT / name}{os.sep}" for name in OURS)  # an environment within the project's folder is not ours

@@ -101,11 +101,11 @@ def _passes(
     return None if code in (-signal.SIGXCPU, -signal.SIGKILL) else code == 0
 
 
-def ended(child: int, limit_s: float) -> int:
+def ended(child: int, limit_s: float, idle_s: float = IDLE_S) -> int:
     """Exit status of a child that leads its process group; it is killed where it seems to wait for ever."""
     ends = time.monotonic() + WAITS * limit_s
     worked, idle_since = "", time.monotonic()
-    while time.monotonic() < min(ends, idle_since + IDLE_S):
+    while time.monotonic() < min(ends, idle_since + idle_s):
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
             return os.waitstatus_to_exitcode(status)
