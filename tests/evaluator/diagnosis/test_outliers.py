@@ -48,6 +48,13 @@ def test_the_beginning_of_motion_is_no_jump(begins_s: float) -> None:
     assert not np.isnan(without_outliers(path(6.0, begins_s))).any()
 
 
+@pytest.mark.parametrize(("away_mm", "lost"), [(0.0, 0), (0.0044, 0), (0.0046, 2)])
+def test_marks_without_noise_may_bend_by_nine_times_half_a_micrometre(away_mm: float, lost: int) -> None:
+    still = np.tile([1.0, 2.0, 3.0, 4.0], (60, 1)) + 1e-7 * np.eye(60, 4)  # rounding is no jump
+    still[30, 2] += away_mm
+    assert np.isnan(without_outliers(still)[30, 2:]).sum() == np.isnan(without_outliers(still)).sum() == lost
+
+
 @pytest.mark.parametrize("frame", [0, 150])
 def test_a_jump_that_the_motion_hides_shows_in_what_a_model_leaves_over(frame: int) -> None:
     marks = path(20.0)

@@ -64,6 +64,28 @@ def test_a_run_that_cannot_be_simulated_is_shifted_by_nothing() -> None:
     assert not wander.any()
 
 
+def test_noise_is_that_of_the_frames_up_to_the_last_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    class AllSeenError(Exception):
+        pass
+
+    def seen(*_: Any) -> Any:
+        raise AllSeenError
+
+    asked: list[Any] = []
+    run: Any = SimpleNamespace(time_s=np.arange(40.0), start_s=3.0, from_poses=False)
+    problem: Any = SimpleNamespace(
+        data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
+        residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False,
+    )  # fmt: skip
+    monkeypatch.setattr(preparation, "replace", lambda item, **more: SimpleNamespace(**{**vars(item), **more}))
+    monkeypatch.setattr(preparation, "residual_spectra", lambda *said: asked.append(said))
+    monkeypatch.setattr(preparation, "channel_noise", seen)
+    with pytest.raises(AllSeenError):
+        preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
+    ((time_s, residual_mm, since_s),) = asked
+    assert (len(time_s), residual_mm.shape, since_s) == (30, (30, 4), 3.0 + preparation.SETTLING_S)
+
+
 def test_the_first_seconds_of_runs_end_with_the_last_frame_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     counting = [np.arange(20) < 7, np.isin(np.arange(20), [3, 4, 11])]
     runs = [SimpleNamespace(first=lambda count, run=run: (run, count)) for run in range(2)]

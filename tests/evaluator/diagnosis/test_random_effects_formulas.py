@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
-from evaluator.diagnosis.likelihood.linear.random_effects import settled_by_run
+from evaluator.diagnosis.likelihood.linear.random_effects import secant, settled_by_run
 from evaluator.diagnosis.likelihood.point import Point
+from tests.evaluator.diagnosis.synthetic import linear_runs
 
 
 def arctangent(fails_below: float = -np.inf) -> Any:
@@ -55,3 +56,8 @@ def test_a_step_to_where_a_run_cannot_be_simulated_is_made_shorter() -> None:
 def test_a_run_that_cannot_be_simulated_at_the_point_is_named() -> None:
     with pytest.raises(FloatingPointError, match="run r0 cannot be simulated at this point"):
         settled_by_run(arctangent(fails_below=3.0), Point(2.0 * np.eye(7)[:1]), [0], None)
+
+
+def test_slopes_stay_as_they_are_where_no_step_was_made() -> None:
+    (before, after), at = linear_runs(count=2), np.zeros(9)
+    assert secant(before, after, at, at, np.ones(9)) is after
