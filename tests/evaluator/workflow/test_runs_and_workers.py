@@ -1,0 +1,180 @@
+"""Runs of a circular test, workers, budgets, scenes and single tables, beside stand-ins of what they call."""
+
+from __future__ import annotations
+
+import multiprocessing.connection
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evaluator.errors import InputError
+from evaluator.progress import Cancelled
+from evaluator.workflow import rendering, turning_tables
+from evaluator.workflow.circular import runs as circular
+from evaluator.workflow.execution import machine, precompile
+from evaluator.workflow.runs import budget
+
+TRACK_MM = 4.0
+
+
+def rolling(_robot: object, left: float, right: float) -> Any:
+    """Steady turn of wheels that roll: curvature 2·(right - left) / (track · (right + left))."""
+    curvature = 2 * (right - left) / (TRACK_MM * (right + left))
+    return SimpleNamespace(curvature_per_mm=-curvature, radius_mm=1 / curvature, speed_mm_s=2.0, yaw_rate_rad_s=0.5)
+
+
+@pytest.mark.parametrize("radius_mm", [2.001, 5.0, 990 * TRACK_MM])
+def test_wheels_that_roll_keep_a_radius_by_their_ratio(radius_mm: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(circular, "steady_turn", rolling)
+    runs = circular.circular_runs("barrel", rpm=(20.0, 40.0, 60.0), radius_mm=radius_mm, repetitions=1)
+    slower, faster = np.sort(np.abs([(run.left_rpm, run.right_rpm) for run in runs]), axis=1).T
+    ratio = (radius_mm - TRACK_MM / 2) / (radius_mm + TRACK_MM / 2)
+    np.testing.assert_allclose(slower / faster, ratio, atol=1e-4)
+    assert sorted(set(faster)) == [20.0, 40.0, 60.0]
+
+
+@pytest.mark.parametrize("radius_mm", [1.99, 1010 * TRACK_MM])
+def test_a_radius_below_half_the_track_or_of_a_thousand_tracks_is_refused(
+    radius_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(circular, "steady_turn", rolling)
+    with pytest.raises(InputError, match=r"at 20 rpm; .* it turns with 2 mm or more"):
+        circular.circular_runs("barrel", rpm=(20.0, 40.0, 60.0), radius_mm=radius_mm)
+
+
+@pytest.mark.parametrize(("ready", "done"), [("pool", ["interrupted", ["parent"], "exit 1"]), ("parent", ["exit 1"])])
+def test_a_worker_ends_its_job_with_its_pool_and_itself_with_its_parent(
+    ready: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Any] = []
+
+    def wait(ends: list[str]) -> list[str]:
+        if len(ends) == 1:
+            seen.append(ends)
+        return [ready]
+
+    monkeypatch.setattr(multiprocessing.connection, "wait", wait)
+    monkeypatch.setattr(machine.os, "_exit", lambda code: seen.append(f"exit {code}"))
+    monkeypatch.setattr(machine, "_interrupt_main", lambda: seen.append("interrupted"))
+    monkeypatch.setattr(machine._Worker, "ending", False)
+    machine._watch("pool", "parent")  # type: ignore[arg-type]
+    assert seen == done
+    assert machine._Worker.ending == (ready == "pool")
+
+
+@pytest.mark.parametrize("ending", [False, True])
+def test_a_job_is_done_unless_its_pool_has_ended(ending: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine._Worker, "ending", ending)
+    busy: list[bool] = []
+
+    def work(job: int) -> int:
+        busy.append(machine._Worker.busy)
+        machine._interrupted(2, None)  # of the terminal: the parent acts on it
+        return 2 * job
+
+    if ending:
+        with pytest.raises(Cancelled):
+            machine.interruptible(work, 3)
+        machine._interrupted(2, None)  # between two jobs
+    else:
+        assert machine.interruptible(work, 3) == 6
+    assert busy == [True] * (not ending)
+    assert not machine._Worker.busy
+
+
+def test_a_job_is_interrupted_while_it_runs_when_its_pool_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine._Worker, "ending", False)
+
+    def work(_: int) -> None:
+        machine._Worker.ending = True
+        machine._interrupted(2, None)
+
+    with pytest.raises(Cancelled):
+        machine.interruptible(work, 3)
+    assert not machine._Worker.busy
+
+
+def test_what_compiles_ahead_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[Any] = []
+    monkeypatch.setattr(precompile.os, "open", lambda *_: 9)
+    monkeypatch.setattr(precompile.os, "dup2", lambda *said: done.append(said))
+    precompile._quietly(lambda: done.append("worked"))
+    assert done == [(9, 1), (9, 2), "worked"]
+
+
+def test_a_run_may_have_a_robot_and_a_camera_of_its_own_in_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    known = SimpleNamespace(mark_position_mm=0.1, mark_height_mm=0.2)
+    monkeypatch.setattr(budget, "read_with", lambda _, path: SimpleNamespace(path=str(path), known_to=known))
+    monkeypatch.setattr(budget, "read_marks", lambda path: path.name)
+    monkeypatch.setattr(budget, "MarkGeometry", SimpleNamespace(of_robot=lambda robot: robot.path))
+    monkeypatch.setattr(budget, "uncertainty_budget", lambda *said, **more: asked.append((*said, more)))
+    own = {"video": "v", "start_s": 0.5, "stop_s": 2.0}
+    runs = [
+        SimpleNamespace(id="a", robot=None, camera=None, **own),
+        SimpleNamespace(id="b", robot="r.toml", camera="c.json", **own),
+        SimpleNamespace(id="c", robot=None, camera="c.json", **{**own, "video": None}),
+    ]
+    day: Any = SimpleNamespace(robot="barrel", camera="usual.json", run=runs, known_to=SimpleNamespace(time_base=0.3))
+    outputs: Any = SimpleNamespace(marks=lambda run: Path(f"{run}.csv"))
+    for run in "abc":
+        budget.budget_of(day, outputs, run)
+    found = [(table, robot, camera and camera.path) for table, robot, camera, _ in asked]
+    assert found == [("a.csv", "barrel", "usual.json"), ("b.csv", "r.toml", "c.json"), ("c.csv", "barrel", None)]
+    told = asked[0][3]["known"]
+    assert tuple(vars(told).values()) == (0.1, 0.2, 0.3)
+    assert (asked[0][3]["start_s"], asked[0][3]["stop_s"]) == (0.5, 2.0)
+
+
+@pytest.mark.parametrize("kind", ["gauge", "clip"])
+def test_a_scene_is_rendered_with_its_truth_and_what_it_holds_is_counted(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Gauge(SimpleNamespace):
+        pass
+
+    dots = pd.DataFrame({"x_mm": [1 / 3, 2.0], "visible": [True, False]})
+    frames = pd.DataFrame({"frame": [0, 1, 2], "x_mm": [1 / 3, 2.0, 3.0]})
+    monkeypatch.setattr("simulator.rendering.GaugeScene", Gauge)
+    monkeypatch.setattr("simulator.rendering.render_gauge", lambda _: ("image", dots))
+    monkeypatch.setattr("simulator.rendering.check_container", lambda *_: None)
+    monkeypatch.setattr("simulator.rendering.render_clip", lambda _, path, __: path.write_text("video") and frames)
+    monkeypatch.setattr(rendering, "write_image", lambda image, path: path.write_text(image))
+    scene: Any = Gauge() if kind == "gauge" else SimpleNamespace(encoding=None)
+    order = rendering.SceneOrder(tmp_path / "s.toml", scene, tmp_path / "o", tmp_path / "t.csv")
+    found = rendering.render_scene(order)
+    assert (found.dots, found.frames) == ((1, 0) if kind == "gauge" else (0, 3))
+    assert (tmp_path / "o").read_text(encoding="utf-8") == ("image" if kind == "gauge" else "video")
+    assert "0.3333333" in (tmp_path / "t.csv").read_text(encoding="utf-8").replace("0.33333333", "")
+
+
+@pytest.mark.parametrize(("sigma", "several"), [(0.0, False), (0.02, False), (0.0, True)])
+def test_a_scale_that_is_not_exact_widens_a_turn_and_several_motions_are_told(
+    sigma: float, several: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def turn(scale: float) -> Any:
+        rows = [{"phase": 1}, {"phase": 2}]
+        return SimpleNamespace(
+            phases=(),
+            phase_rows=lambda: rows,
+            with_scale=turn,
+            to_row=lambda: {"scale": scale},
+            summary=lambda: "a turn",
+        )
+
+    asked: list[Any] = []
+    monkeypatch.setattr(turning_tables, "measure_turning", lambda *said, **more: asked.append((said, more)) or turn(0))
+    monkeypatch.setattr(turning_tables, "several_motions", lambda *said: several and said == ((), 0.5, 2.0))
+    monkeypatch.setattr(turning_tables, "_phase_line", lambda row: f"phase {row['phase']} of {row['run']}")
+    request: Any = SimpleNamespace(start_s=0.5, stop_s=2.0, robot=None, left_rpm=3.0, right_rpm=4.0)
+    found = turning_tables._measured({"run": "r"}, "poses", request, ["a line"], sigma)  # type: ignore[arg-type]
+    assert asked == [(("poses", 0.5, 2.0), {"shape": None, "left_rpm": 3.0, "right_rpm": 4.0})]
+    assert (found.row, found.phases) == (
+        {"run": "r", "scale": sigma},
+        ({"run": "r", "phase": 1}, {"run": "r", "phase": 2}),
+    )
+    assert found.lines == ("a turn", "a line", *(("phase 1 of r", "phase 2 of r") if several else ()))
