@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from evaluator.diagnosis.likelihood.features import (
     MODEL_FLOOR_MM,
     _amplitude,
+    _of_one_level,
     channel_noise,
     channel_residual,
     channels_of,
@@ -190,6 +191,16 @@ def test_amplitude_of_a_run_is_one_within_what_chance_allows() -> None:
     model = 0.004**2 * (1 - decay**2) / (1 - 2 * decay * np.cos(2 * np.pi * frequency * 0.02) + decay**2)
     exact = Spectrum(frequency, 0.4549 * 4 * model, 0.02)
     assert _amplitude((exact,), slow) == pytest.approx(2.0)
+
+
+def test_spectra_of_one_level_are_those_whose_fast_modes_have_a_median_of_one() -> None:
+    """A slow misfit of a model tells no noise; what nobody measured has none."""
+    frequency = np.array([0.5, 1.0, 2.0, 3.0, 3.1, 5.0, 9.0])
+    power = np.array([900.0, 800.0, 700.0, 600.0, 3.0, 4.0, 5.0])
+    loud, silent = Spectrum(frequency, power, 0.02), Spectrum(frequency, 1e-30 * power, 0.02)
+    (found,) = _of_one_level([loud])
+    np.testing.assert_allclose(found.power_mm2, power / 4.0)
+    assert _of_one_level([silent]) == []
 
 
 @pytest.mark.parametrize(("errors", "own"), [(3.1, False), (3.3, True), (-3.1, False), (-3.3, True)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from evaluator.diagnosis.likelihood import preparation
 from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, within_horizon
 from evaluator.diagnosis.likelihood.run_data import Task
@@ -64,26 +66,33 @@ def test_a_run_that_cannot_be_simulated_is_shifted_by_nothing() -> None:
     assert not wander.any()
 
 
-def test_noise_is_that_of_the_frames_up_to_the_last_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    class AllSeenError(Exception):
-        pass
-
-    def seen(*_: Any) -> Any:
-        raise AllSeenError
-
+def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked: list[Any] = []
-    run: Any = SimpleNamespace(time_s=np.arange(40.0), start_s=3.0, from_poses=False)
+    run: Any = SimpleNamespace(time_s=np.arange(40.0), start_s=3.0, from_poses=False, marks_mm=np.zeros((40, 4)))
     problem: Any = SimpleNamespace(
         data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
-        residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False,
+        residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False, length=1.0,
+        common_drift=Drift(0.1), friction_wander=0.0,
     )  # fmt: skip
-    monkeypatch.setattr(preparation, "replace", lambda item, **more: SimpleNamespace(**{**vars(item), **more}))
+    drifting = tuple(Noise(size, 0.0, 0.1, Drift(0.01)) for size in (1.0, 1.0, 3.0, 4.0))
+    monkeypatch.setattr(preparation, "replace", replaced)
     monkeypatch.setattr(preparation, "residual_spectra", lambda *said: asked.append(said))
-    monkeypatch.setattr(preparation, "channel_noise", seen)
-    with pytest.raises(AllSeenError):
-        preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
+    monkeypatch.setattr(preparation, "channel_noise", lambda _: ["of spectra"])
+    monkeypatch.setattr(preparation, "with_drift", lambda noise, *_: [drifting] if noise == ["of spectra"] else None)
+    monkeypatch.setattr(preparation, "compression", lambda *said: said)
+    found = preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
     ((time_s, residual_mm, since_s),) = asked
     assert (len(time_s), residual_mm.shape, since_s) == (30, (30, 4), 3.0 + preparation.SETTLING_S)
+    both = tuple(replace(part, common_drift=Drift(0.1)) for part in drifting[:2])  # of the midpoint alone
+    assert found.noise == ((*both, *drifting[2:]),)
+    assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM)
+
+
+def replaced(item: Any, **more: Any) -> Any:
+    """An item, a dataclass or a stand-in of one, with other values."""
+    return SimpleNamespace(**{**vars(item), **more}) if isinstance(item, SimpleNamespace) else replace(item, **more)
 
 
 def test_the_first_seconds_of_runs_end_with_the_last_frame_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,11 +100,11 @@ def test_marks_that_stand_for_poses_have_no_distance_to_be_wrong() -> None:
     assert problem.noise[0][0].white_mm < 0.01
 
 
-def pull(power: float) -> Column:
-    """How far a pull drags, seen from where it grows with this power of the time."""
+def pull(power: float, size: float = 0.0) -> Column:
+    """How far a pull drags, seen from where it has this size and grows with this power of the time."""
     coordinates = (SimpleNamespace(step=0.5, absent=0.0), SimpleNamespace(step=1.0, absent=1.0))
     term: Any = SimpleNamespace(coordinates=coordinates, absent=(0.0, 1.0))
-    return Column("pull", 0, term, (0.0, power))
+    return Column("pull", 0, term, (size, power))
 
 
 @pytest.fixture(scope="module")
@@ -114,13 +114,13 @@ def built() -> tuple[Problem, Point]:
     return problem, replace(point, per_run=np.add(point.per_run, [0, 0, 0, 0.01, 0, 0, 0]))
 
 
-@pytest.mark.parametrize("power", [1.0, 2.0])
+@pytest.mark.parametrize(("power", "size"), [(1.0, 0.0), (2.0, 0.0), (2.0, 0.4)])
 def test_an_effect_seen_from_a_place_of_its_own_has_the_derivative_of_that_place(
-    built: tuple[Problem, Point], power: float
+    built: tuple[Problem, Point], power: float, size: float
 ) -> None:
     """What the pull does to the marks, 0.1·t to its power along x, less what is predicted: minus the residual."""
     problem, point = built
-    columns = [pull(1.0), pull(power), Column("time_base")]
+    columns = [pull(1.0), pull(power, size), Column("time_base")]
     views = problem.linearized(point, columns)
     for run, view in enumerate(views):
         shift = np.zeros((120, 4))
