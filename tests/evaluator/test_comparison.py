@@ -209,6 +209,14 @@ def test_a_run_without_rest_is_read_from_its_first_frames_though_some_lie_before
     assert start_pose(poses, 0.0, at_rest=False) == pytest.approx((1.0, 4.0, 0.3))
 
 
+def test_a_run_in_motion_or_without_motors_starts_at_its_first_pose() -> None:
+    moves, stands = Command.constant(33.0, 20.0, 0.8), Command.constant(0.0, 0.0, 0.8)
+    for told in (RunCommand(moves, starts_at_rest=False), RunCommand(stands)):
+        poses = moving(0.5)
+        _, seen = simulated_poses(barrel(), told, poses)
+        assert (seen.x_mm[0], seen.y_mm[0]) == pytest.approx((poses.x_mm[0], poses.y_mm[0]), abs=1e-6)
+
+
 def simulated_of(radius: float, curvature: float) -> Any:
     """Simulated poses and what the estimator reads in them."""
     values = {"radius_mm": radius, "steady_radius_mm": 2 * radius, **dict.fromkeys(ALIKE, 7.0)}

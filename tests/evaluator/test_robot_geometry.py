@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from evaluator.errors import InputError
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
 from evaluator.settings import load_measured
@@ -70,6 +71,16 @@ def test_a_tracker_without_marks_of_its_own_looks_for_those_of_the_robot_and_kee
     said = settings.TrackingSettings(mark={"blue": settings.MarkSettings()})
     assert sought(robot, said).mark == said.mark
     assert sought(robot, said).body is None
+
+
+def test_marks_at_two_heights_are_refused_and_one_height_is_that_of_the_poses(tmp_path: Path) -> None:
+    marks = [f'[[mark]]\nname = "{name}"\nx_mm = {x}\ny_mm = 0.0\nheight_mm = ' for name, x in (("a", 1.0), ("b", 2.0))]
+    path = tmp_path / "robot.toml"
+    path.write_text(f"{marks[0]}6.5\n{marks[1]}6.5\n", encoding="utf-8")
+    assert read_geometry(path).marks().height_mm == 6.5
+    path.write_text(f"{marks[0]}6.5\n{marks[1]}7.5\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"robot\.toml: marks of different heights \[6\.5, 7\.5\]"):
+        read_geometry(path)
 
 
 def test_axes_of_the_papers_robot_are_drawn_beyond_its_front_and_to_its_wheels() -> None:

@@ -156,12 +156,14 @@ def test_bounded_parameters_are_the_best_on_the_bounds() -> None:
     free = solve_at(reduced, PRIOR, TAU)
     wide = solve_within(reduced, PRIOR, TAU, free - 1, free + 1)
     np.testing.assert_array_equal(wide, free)
-    high = np.array([free[0] - 0.5, free[1] + 5])
-    bound = solve_within(reduced, PRIOR, TAU, free - 9, high)
-    assert bound[0] == pytest.approx(high[0])
     _, g, G = at_scatter(reduced, TAU)
     whole = G.sum(axis=0) + np.diag(PRIOR)
-    assert bound[1] == pytest.approx((g.sum(axis=0)[1] - whole[1, 0] * high[0]) / whole[1, 1], rel=1e-6)
+    for side in (-1, 1):
+        end = free[0] - 0.5 * side
+        low, high = (np.array([end if way == side else free[0] + 9 * way, free[1] + 5 * way]) for way in (-1, 1))
+        bound = solve_within(reduced, PRIOR, TAU, low, high)
+        assert bound[0] == pytest.approx(end)
+        assert bound[1] == pytest.approx((g.sum(axis=0)[1] - whole[1, 0] * end) / whole[1, 1], rel=1e-6)
 
 
 def test_parameters_that_no_run_responds_to_stay_absent_beside_others_at_their_bounds() -> None:
