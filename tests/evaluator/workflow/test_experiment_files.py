@@ -11,8 +11,10 @@ import pytest
 
 from evaluator.diagnosis.mistakes.recognised import Correction
 from evaluator.errors import InputError
+from evaluator.workflow import checks
 from evaluator.workflow.diagnosis import validity
 from evaluator.workflow.editing import mending, values
+from evaluator.workflow.fresh import new_experiment
 from evaluator.workflow.viewing import marks, overview
 
 EXPERIMENT = """# ours
@@ -162,3 +164,39 @@ def test_marks_of_a_run_are_exchanged_by_the_pair_of_its_own_robot(
         (tmp_path / f"{run}.csv").touch()
     mending.write_mended(path)
     assert asked == [("robot.toml",), ("barrel",)]
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "text", "said"),
+    [
+        ("tracking", "t.toml", "exposure = 2.0\n", "exposure"),
+        ("poses", "p.csv", "time_s,x_mm\n0,1\n1,2\n", "p.csv"),
+        ("commands", "c.csv", "time_s\n0\n1\n", "c.csv"),
+        ("camera", "c.json", "{}", "c.json"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_a_fault_and_recordings_of_ros_wait_for_the_topics_of_their_run(
+    key: str, name: str, text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "day.toml").write_text(EXPERIMENT, encoding="utf-8")
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    written = checks._written(tmp_path / "day.toml")
+    assert written is not None
+    (fault,) = checks.CHECKS[key](written, name)
+    assert said in fault
+    monkeypatch.setattr("evaluator.interchange.bags.is_bag", lambda path: path == tmp_path / name)
+    if key in ("poses", "commands"):
+        assert list(checks.CHECKS[key](written, name)) == []
+
+
+def test_a_value_of_a_gauge_is_changed_in_its_file_alone_and_a_wrong_one_is_refused(tmp_path: Path) -> None:
+    path = new_experiment(tmp_path)[1]
+    text = path.read_text(encoding="utf-8")
+    before = values.gauge_values(path)
+    place, value = next((place, value) for place, value in before.each if place[-1] == "pitch_mm")
+    found = values.set_gauge_value(path, before.version, place, 2.0 * float(value))
+    assert dict(found.each) == {**dict(before.each), place: 2.0 * float(value)}
+    assert len(path.read_text(encoding="utf-8").splitlines()) == len(text.splitlines())  # comments stay
+    with pytest.raises(InputError, match="pitch_mm"):
+        values.set_gauge_value(path, found.version, place, -1.0)
+    assert values.gauge_values(path) == found

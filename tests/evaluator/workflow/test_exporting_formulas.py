@@ -85,7 +85,7 @@ def test_results_hold_every_table_and_a_file_of_each_run_that_did_not_fail(tmp_p
 
 
 def test_a_new_experiment_takes_the_place_of_no_file(tmp_path: Path) -> None:
-    written = fresh.new_experiment(tmp_path / "day", "four_driven")
+    written = fresh.new_experiment(str(tmp_path / "day"), "four_driven")
     assert [path.name for path in written] == ["experiment.toml", "gauge.toml", "tracking.toml", "robot.toml"]
     assert read_with(load_robot, written[3]) == load_robot("four_driven")
     for path in (written[0], written[2]):
