@@ -214,6 +214,13 @@ def test_a_run_has_its_own_amplitude_beyond_so_many_standard_errors_of_its_media
     assert _amplitude((run,), noise) == pytest.approx(np.sqrt(power) if own else 1.0)
 
 
+def test_modes_of_a_run_do_not_depend_on_when_its_clock_began() -> None:
+    time, noise = np.arange(90) / 30, (Noise(0.004, 0.0, 0.02),) * 4
+    early, late = (compression(time + zero, np.arange(90) > 2, noise) for zero in (0.0, 100.0))
+    assert early.functional[0].shape == late.functional[0].shape
+    np.testing.assert_allclose(late.functional[0], early.functional[0], atol=1e-6 * np.abs(early.functional[0]).max())
+
+
 def test_spectra_leave_out_the_start_where_enough_frames_remain() -> None:
     time = np.arange(200) / 50
     residual = 1e-3 * np.random.default_rng(0).normal(size=(200, 4))

@@ -15,6 +15,7 @@ from evaluator.diagnosis.likelihood.features import (
 )
 from evaluator.diagnosis.likelihood.known_to import (
     frame_interval_s,
+    mark_shifts,
     predicted_sigmas,
     quantities,
     start_per_run_s,
@@ -223,3 +224,8 @@ def test_steps_of_derivatives_are_those_of_their_kind() -> None:
     assert point.moved(Column("time_base"), 0.5).nominal["time_base"] == pytest.approx(0.8)
     assert Point(np.zeros((1, 7))).moved(Column("effect", 0, term), 0.5).terms["effect"] == (1.5,)
     assert Point(np.zeros((1, 7))).value(Column("effect", 0, term)) == 0.0
+
+
+def test_marks_lie_off_by_what_was_found_and_exact_ones_by_nothing() -> None:
+    robot = load_robot("barrel")
+    assert mark_shifts(robot, {"yellow_x_mm": 0.25, "wheels.radius_mm": 1.0}) == (0.0, 0.0, 0.25, 0.0)
