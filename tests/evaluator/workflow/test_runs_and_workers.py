@@ -14,9 +14,14 @@ import pytest
 from evaluator.errors import InputError
 from evaluator.progress import Cancelled
 from evaluator.workflow import rendering, turning_tables
+from evaluator.workflow.circular import evaluate
 from evaluator.workflow.circular import runs as circular
-from evaluator.workflow.execution import machine, precompile
+from evaluator.workflow.execution import answers, machine, precompile
+from evaluator.workflow.execution.answers import answers_of
 from evaluator.workflow.runs import budget
+from evaluator.workflow.viewing import sandbox
+from simulator.effects.entry import EffectEntry
+from simulator.robot import load_robot
 
 TRACK_MM = 4.0
 
@@ -178,3 +183,55 @@ def test_a_scale_that_is_not_exact_widens_a_turn_and_several_motions_are_told(
         ({"run": "r", "phase": 1}, {"run": "r", "phase": 2}),
     )
     assert found.lines == ("a turn", "a line", *(("phase 1 of r", "phase 2 of r") if several else ()))
+
+
+@pytest.mark.parametrize(("workers", "jobs"), [(1, [3, 4]), (4, [3])])
+def test_a_single_worker_or_job_is_done_here_with_a_look_at_the_cancel_button_before_each(
+    workers: int, jobs: list[int]
+) -> None:
+    done: list[Any] = []
+
+    def work(job: int) -> int:
+        done.append(job)
+        return 2 * job
+
+    doing = answers_of(work, jobs, when_killed=work, workers=workers, waiting=lambda: done.append("looked"))
+    with doing as found:
+        assert list(found) == [(number, 2 * job) for number, job in enumerate(jobs)]
+    assert done == [step for job in jobs for step in ("looked", job)]
+
+
+def test_other_processes_get_effects_of_ones_own_only_where_there_are_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Any] = []
+
+    def processes(work: Any, *_: Any, **__: Any) -> Any:
+        given.append(work)
+        yield from ()
+
+    monkeypatch.setattr(answers, "in_processes", processes)
+    for known in (answers.KnownEffects(), "others"):
+        monkeypatch.setattr(answers.KnownEffects, "here", staticmethod(lambda known=known: known))
+        with answers_of(abs, [1], when_killed=abs) as found:
+            list(found)
+    assert given[0] is abs
+    assert (given[1].func, given[1].args) == (answers.with_effects, ("others", abs))
+
+
+def test_an_effect_that_is_set_takes_the_place_of_that_of_the_robot_and_others_stay() -> None:
+    entries = [{"id": "time-base", "factor": 1.1}, {"id": "plane-scale", "factor": 1.2}]
+    robot = load_robot("barrel").model_copy(update={"effect": tuple(map(EffectEntry.model_validate, entries))})
+    found = sandbox._changed(robot, {"wheels.track_mm": 5.0}, {"time-base": {"factor": 0.9}})
+    assert [(entry.id, entry.given) for entry in found.effect] == [
+        ("plane-scale", {"factor": 1.2}),
+        ("time-base", {"factor": 0.9}),
+    ]
+    assert found.track_mm == 5.0
+
+
+def test_turns_of_a_simulated_test_are_numbered_in_the_order_of_their_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [SimpleNamespace(left_rpm=float(k), right_rpm=2.0 * k) for k in range(12)]
+    monkeypatch.setattr(evaluate, "circular_runs", lambda *_, **said: runs if said["repetitions"] == 1 else None)
+    monkeypatch.setattr(evaluate, "_simulated", lambda _, commands: commands)
+    found: Any = evaluate.simulate_circular_test("barrel").simulated
+    assert found["run"].tolist() == [f"s{k:02d}" for k in range(1, 13)]
+    assert found["right_rpm"].tolist() == [2.0 * k for k in range(12)]
