@@ -159,9 +159,7 @@ class KnownTo(Table):
     """Standard uncertainties of quantities that are not known exactly; 0 is exact."""
 
     start_common_s: NotNegative | None = None  # offset of start_s common to all runs; default: one frame
-    start_per_run_s: NotNegative | None = (
-        None  # offset of each run, and of each later change of its commands; default: half a frame
-    )
+    start_per_run_s: NotNegative | None = None  # of each run and later change of a command; default: half a frame
     time_base: NotNegative = 1e-4  # relative
     plane_scale: NotNegative = 1e-3  # relative, also across the plate: pitch tolerance of the gauge, lens
 

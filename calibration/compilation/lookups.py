@@ -7,7 +7,6 @@ argument types. The results of the compiler do not change.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -26,17 +25,14 @@ def fast_lookups() -> Iterator[None]:
     if BaseFunction.get_call_type is not _resolve:
         yield
         return
-    hashed, collecting = TargetConfig.__hash__, gc.isenabled()
+    hashed = TargetConfig.__hash__
     BaseFunction.get_call_type = _resolve_once
     TargetConfig.__hash__, TargetConfig.__eq__ = _hash_of_names, _equal_values
-    gc.disable()  # most of what a compiler creates lives as long as it compiles
     try:
         yield
     finally:
         BaseFunction.get_call_type = _resolve
         TargetConfig.__hash__, TargetConfig.__eq__ = hashed, _equal
-        if collecting:
-            gc.enable()
 
 
 def _resolve_once(function: Any, context: Any, args: Any, kws: Any) -> Any:

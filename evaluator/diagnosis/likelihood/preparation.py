@@ -106,7 +106,7 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
 def _with_random_shifts(problem: Problem, point: Point) -> Problem:
     """The problem with features whitened for varying friction and late changes of commands, linearized at a point."""
     runs = range(len(problem.data))
-    late = late_shifts(problem, point, runs)
+    late = late_shifts(problem, point, runs) if problem.friction_wander or problem.change_sigma_s else ()
     if not problem.friction_wander and not any(map(len, late)):
         return problem
     found: list[Compression] = []
@@ -125,20 +125,20 @@ def late_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[Flo
 
     None on open ground, whose noise contains them, and for a run that cannot be simulated at the point.
     """
-    changes_s = [jumps_of(problem.data[run].run_command.command) for run in runs]
     none = [np.zeros((0, problem.compressions[run].used.sum(), 4)) for run in runs]
-    if problem.open_ground or not problem.change_sigma_s or not any(changes_s):
+    if problem.open_ground or not problem.change_sigma_s:
+        return none
+    changes_s = [jumps_of(problem.data[run].run_command.command) for run in runs]
+    if not any(changes_s):
         return none
     found = []
     marks = problem.forward.marks([point.task(run) for run in runs])
     for run, at_s, predicted, nothing in zip(runs, changes_s, marks, none, strict=True):
-        able = bool(at_s) and bool(np.isfinite(predicted).all())
-        shifts = (
-            late_changes(problem.data[run].time_s, channels_of(predicted), at_s, problem.half_distance_mm)
-            if able
-            else nothing
-        )
-        found.append(problem.change_sigma_s * shifts[:, problem.compressions[run].used] if able else nothing)
+        if not at_s or not np.isfinite(predicted).all():
+            found.append(nothing)
+            continue
+        shifts = late_changes(problem.data[run].time_s, channels_of(predicted), at_s, problem.half_distance_mm)
+        found.append(problem.change_sigma_s * shifts[:, problem.compressions[run].used])
     return found
 
 

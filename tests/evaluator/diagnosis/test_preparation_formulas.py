@@ -74,7 +74,7 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     problem: Any = SimpleNamespace(
         data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
         residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False, length=1.0,
-        common_drift=Drift(0.1), friction_wander=0.0,
+        common_drift=Drift(0.1), friction_wander=0.0, change_sigma_s=0.0,
     )  # fmt: skip
     drifting = tuple(Noise(size, 0.0, 0.1, Drift(0.01)) for size in (1.0, 1.0, 3.0, 4.0))
     monkeypatch.setattr(preparation, "replace", replaced)
