@@ -89,7 +89,10 @@ def _balance(front: Any, rear: Any, body: Triple, contacts: Any, model: Any) -> 
 
 @compiled()
 def turn_axles(u: float, v: float, r: float, place: Any, rest: float, model: Any, contacts: Any) -> float:
-    """Turn the axles by one Newton step toward compliance times lateral force; returns the largest change, rad."""
+    """Turn the axles by one Newton step toward compliance times lateral force; returns the largest change, rad.
+
+    If the forces are not finite, as in a step that is tried and fails, the axles stay, because later steps begin there.
+    """
     front, rear = _axle(counter(0), u, v, r, contacts, rest, model), _axle(counter(1), u, v, r, contacts, rest, model)
     (a_lack, b_lack), _, (aa, ab, ba, bb) = _balance(front, rear, loads(u, v, r, place, rest, model), contacts, model)
     aa, bb = max(aa, LEAST_DESCENT), max(bb, LEAST_DESCENT)
@@ -97,13 +100,15 @@ def turn_axles(u: float, v: float, r: float, place: Any, rest: float, model: Any
     if determinant < LEAST_DESCENT * LEAST_DESCENT:
         ab, ba, determinant = 0.0, 0.0, aa * bb
     a_step, b_step = (bb * a_lack - ab * b_lack) / determinant, (aa * b_lack - ba * a_lack) / determinant
+    change: float = abs(a_step) + abs(b_step)
+    if not change < math.inf:  # also where it is no number
+        return math.inf
     for wheel in range(len(model.wheel_x)):
         if model.axle[wheel] == 0:
             contacts[AXLE_ANGLE, wheel] += a_step
         elif model.axle[wheel] == 1:
             contacts[AXLE_ANGLE, wheel] += b_step
-    change: float = max(abs(a_step), abs(b_step))
-    return change
+    return max(abs(a_step), abs(b_step))
 
 
 @compiled(forceinline=True)

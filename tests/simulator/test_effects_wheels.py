@@ -211,6 +211,19 @@ def test_axles_turn_toward_the_force_on_them(barrel: Robot, way: float) -> None:
     assert steer == pytest.approx(2.0 * force, rel=1e-6)
 
 
+@pytest.mark.parametrize("lag_s", [1e-3, 0.04])
+def test_axles_that_yield_start_with_motors_that_lag(barrel: Robot, lag_s: float) -> None:
+    """Once the motors have reached their speed, the robot is on the path of prompt motors, late by their lag."""
+    time = np.arange(0, 2, 0.02)
+    prompt = affected(barrel, "axle-compliance", deg_per_mN=1.5)
+    lagging = affected(prompt, "command-lag", dead_time_s=0.0, time_constant_s=lag_s)
+    found = simulate(lagging, Command.constant(30, 36, 0.4), time)
+    early = simulate(prompt, Command.constant(30, 36, 0.4 + lag_s), time)
+    for quantity in ("x_mm", "y_mm", "heading_rad"):
+        np.testing.assert_allclose(getattr(found, quantity)[-20:], getattr(early, quantity)[-20:], atol=2e-3)
+    assert found.x_mm[-1] > 2
+
+
 def test_friction_gradient_is_that_of_the_place_of_each_wheel(barrel: Robot) -> None:
     """At (10, 20) looking along +y, the wheels are at x 10 ∓ 2 (left, right) and y 20 ± 2 (front, rear)."""
     robot = affected(barrel, "friction-gradient", per_mm_x=0.01, per_mm_y=-0.003)
