@@ -100,15 +100,15 @@ def turn_axles(u: float, v: float, r: float, place: Any, rest: float, model: Any
     if determinant < LEAST_DESCENT * LEAST_DESCENT:
         ab, ba, determinant = 0.0, 0.0, aa * bb
     a_step, b_step = (bb * a_lack - ab * b_lack) / determinant, (aa * b_lack - ba * a_lack) / determinant
-    change: float = abs(a_step) + abs(b_step)
-    if not change < math.inf:  # also where it is no number
+    if not abs(a_step) + abs(b_step) < math.inf:  # also where it is no number
         return math.inf
     for wheel in range(len(model.wheel_x)):
         if model.axle[wheel] == 0:
             contacts[AXLE_ANGLE, wheel] += a_step
         elif model.axle[wheel] == 1:
             contacts[AXLE_ANGLE, wheel] += b_step
-    return max(abs(a_step), abs(b_step))
+    change: float = max(abs(a_step), abs(b_step))
+    return change
 
 
 @compiled(forceinline=True)

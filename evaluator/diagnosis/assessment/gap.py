@@ -162,17 +162,18 @@ def farthest_followed(problem: Problem, runs: Sequence[int]) -> Floats:
     Tracking noise averages over hundreds of frames. Varying friction is dominated by one mode (60 % of its variance),
     so that its contribution to a single run scatters like one Gaussian number.
     """
-    wander = _random(problem, runs)
-    return np.asarray(np.hypot(MISSED * np.sqrt(noise_floor(problem, runs) ** 2 - wander**2), OF_WANDER * wander))
+    random = _random_mm(problem, runs)
+    return np.asarray(np.hypot(MISSED * np.sqrt(noise_floor(problem, runs) ** 2 - random**2), OF_WANDER * random))
 
 
-def _random(problem: Problem, runs: Sequence[int]) -> Floats:
+def _random_mm(problem: Problem, runs: Sequence[int]) -> Floats:
+    """RMS effect of varying friction and late changes of commands on the midpoint of each run, mm."""
     return np.array([problem.compressions[run].random_mm for run in runs])
 
 
 def noise_floor(problem: Problem, runs: Sequence[int]) -> Floats:
     """RMS distance of the midpoint due to noise of tracking and ground and the precision of the model, by run, mm."""
-    ground = _random(problem, runs) ** 2 + (problem.length * MODEL_FLOOR_MM) ** 2
+    ground = _random_mm(problem, runs) ** 2 + (problem.length * MODEL_FLOOR_MM) ** 2
     return np.asarray(np.sqrt(np.sum(_noise_mm(problem, runs)[:, :2] ** 2, axis=1) + ground))
 
 
@@ -193,7 +194,7 @@ def beyond_noise(problem: Problem, fit: Fit) -> float:
     runs = fit.runs
     residuals = problem.residuals([fit.point.task(run) for run in runs])
     left_mm2 = np.array([np.nanmean(np.sum(item[:, :3] ** 2, axis=1)) for item in residuals])
-    noise_mm2 = np.sum(_noise_mm(problem, runs) ** 2, axis=1) + _random(problem, runs) ** 2
+    noise_mm2 = np.sum(_noise_mm(problem, runs) ** 2, axis=1) + _random_mm(problem, runs) ** 2
     return float(np.sqrt(max(0.0, np.sum(left_mm2 - noise_mm2)) / np.sum(noise_mm2)))
 
 

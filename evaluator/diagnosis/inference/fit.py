@@ -15,7 +15,7 @@ from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
 from evaluator.diagnosis.inference.linearized_optimum import Optimum, optimum_of
-from evaluator.diagnosis.inference.steps import DAMPINGS, SETTLED, line_search, obstructing_runs, settled_at
+from evaluator.diagnosis.inference.steps import DAMPINGS, SETTLED, full_step, line_search, obstructing_runs, settled_at
 from evaluator.diagnosis.likelihood.linear.mixed_model import (
     MixedModel,
     Posterior,
@@ -187,13 +187,16 @@ def _fitted(
         if lag > max(LAGGING, CLOSING * lagged):
             return fit
         before, lagged = optimum.predicted, lag
+        full = None
         if may_hold_back and optimum.predicted > STALLED:
-            moved, more = _led_by_others(problem, fit, optimum, tolerance, most_scatter, rival)
+            full = full_step(problem, fit, optimum)
+            obstructing = obstructing_runs(fit, optimum, full)
+            moved, more = _led_by_others(problem, fit, optimum, tolerance, most_scatter, rival, obstructing)
             of_others, may_hold_back = more, not more
             if moved is not None:
                 point, before, lagged = moved, np.inf, np.inf
                 continue
-        point, better = line_search(problem, fit, optimum)
+        point, better = line_search(problem, fit, optimum, DAMPINGS, full)
         if not better:
             return _stalled(fit, optimum.predicted)
         point = _carried_on(problem, fit, optimum, point, tolerance, most_scatter)
@@ -201,13 +204,18 @@ def _fitted(
 
 
 def _led_by_others(
-    problem: Problem, fit: Fit, optimum: Optimum, tolerance: Mapping[str, float], most_scatter: Floats, rival: float
+    problem: Problem,
+    fit: Fit,
+    optimum: Optimum,
+    tolerance: Mapping[str, float],
+    most_scatter: Floats,
+    rival: float,
+    obstructing: Sequence[int],
 ) -> tuple[Point | None, int]:
     """A point that is better for all runs, found by a fit of those that do not obstruct a full step, and its steps.
 
     None and 0 if no runs obstruct it; None if the point is no better or a run cannot be simulated on the way.
     """
-    obstructing = obstructing_runs(problem, fit, optimum)
     if not obstructing:
         return None, 0
     others = tuple(run for run in fit.runs if run not in obstructing)

@@ -27,13 +27,20 @@ KEPT = (
 
 
 def line_search(
-    problem: Problem, fit: Fit, optimum: Optimum, dampings: Sequence[float] = DAMPINGS
+    problem: Problem,
+    fit: Fit,
+    optimum: Optimum,
+    dampings: Sequence[float] = DAMPINGS,
+    full: tuple[Point, Floats] | None = None,
 ) -> tuple[Point, bool]:
-    """The first point toward the goal that improves, and True; otherwise the farthest point, and False."""
+    """The first point toward the goal that improves, and True; otherwise the farthest point, and False.
+
+    full: the full step, if it was tried already.
+    """
     farthest = None
     for damping in dampings:
         problem.watch.look()
-        tried = _tried(problem, fit, optimum, damping)
+        tried = full if full and damping == DAMPINGS[0] else _tried(problem, fit, optimum, damping)
         if tried is None:
             continue
         if _improves(tried[1]):
@@ -61,17 +68,21 @@ def _improves(change: Floats) -> bool:
     return float(change.sum()) < -0.1 * SETTLED
 
 
-def obstructing_runs(problem: Problem, fit: Fit, optimum: Optimum) -> tuple[int, ...]:
+def full_step(problem: Problem, fit: Fit, optimum: Optimum) -> tuple[Point, Floats] | None:
+    """The point at the goal and the changes of -2 log density: see _tried."""
+    return _tried(problem, fit, optimum, DAMPINGS[0])
+
+
+def obstructing_runs(fit: Fit, optimum: Optimum, full: tuple[Point, Floats] | None) -> tuple[int, ...]:
     """The few runs without which a full step would improve, although it does not with them; empty if there are none.
 
     A run on the verge of another path follows a step of the parameters so nonlinearly that the fit of all runs creeps
     in steps of a few per cent, until it ends: with one such run of 21 no model had converged, not even the true one
     from its true values. The others lead to parameters at which this run is nearly explained, too.
     """
-    tried = _tried(problem, fit, optimum, DAMPINGS[0])
-    if tried is None or _improves(tried[1]):
+    if full is None or _improves(full[1]):
         return ()
-    change = tried[1]
+    change = full[1]
     most = max(len(fit.runs) // RUNS_TO_ONE_HELD_BACK, 1)
     worst = [int(run) for run in np.argsort(-change[:-1])[:most] if change[run] > 0]
     kept = -float(np.delete(change, worst).sum())

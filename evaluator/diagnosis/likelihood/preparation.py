@@ -113,7 +113,8 @@ def _with_random_shifts(problem: Problem, point: Point) -> Problem:
     for part, (known, wander), more in zip(
         problem.compressions, friction_shifts(problem, point, runs), late, strict=True
     ):
-        shifts = np.concatenate([problem.friction_wander * wander[: MODES * bool(problem.friction_wander)], more])
+        walk = problem.friction_wander
+        shifts = np.concatenate([walk * wander, more]) if walk else more
         random = bool(len(shifts))
         ground = whitening(part.of_tracking(shifts).T) if random else None
         found.append(replace(part, ground=ground, random_mm=_midpoint_about(shifts, known) if random else 0.0))

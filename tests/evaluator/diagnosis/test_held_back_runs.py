@@ -13,7 +13,7 @@ from evaluator.diagnosis.inference import fit as fits
 from evaluator.diagnosis.inference import steps
 from evaluator.diagnosis.inference.fit import _fitted, _led_by_others
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.steps import obstructing_runs, settled_at
+from evaluator.diagnosis.inference.steps import full_step, obstructing_runs, settled_at
 from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate, Coordinate
 
@@ -60,7 +60,8 @@ def test_runs_are_held_back_without_which_a_full_step_keeps_half_of_what_it_prom
     changes: dict[int, float], promised: float, held: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     optimum = step_with(monkeypatch, changes, promised)
-    assert obstructing_runs(SimpleNamespace(), fit_at(0.0), optimum) == held  # type: ignore[arg-type]
+    full = full_step(SimpleNamespace(), fit_at(0.0), optimum)  # type: ignore[arg-type]
+    assert obstructing_runs(fit_at(0.0), optimum, full) == held
 
 
 def test_no_run_is_held_back_if_one_cannot_be_simulated_after_a_full_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +72,7 @@ def test_no_run_is_held_back_if_one_cannot_be_simulated_after_a_full_step(monkey
 
     monkeypatch.setattr(steps, "settled_by_run", fails)
     nothing: Any = SimpleNamespace()
-    assert obstructing_runs(nothing, fit_at(0.0), optimum) == ()
+    assert obstructing_runs(fit_at(0.0), optimum, full_step(nothing, fit_at(0.0), optimum)) == ()
     assert settled_at(nothing, fit_at(0.0), optimum, fit_at(1.0).point) is None
 
 
@@ -95,11 +96,10 @@ def test_others_are_fitted_alone_and_their_steps_are_counted(monkeypatch: pytest
     monkeypatch.setattr(fits, "_fitted", fitted)
     monkeypatch.setattr(fits, "settled_at", lambda *given: given[3])
     nothing: Any = SimpleNamespace()
-    for obstructing, result in (((), (None, 0)), ((4, 9), (fit_at(1.0).point, 3))):
-        monkeypatch.setattr(fits, "obstructing_runs", lambda *_, runs=obstructing: runs)
-        found = _led_by_others(nothing, fit_at(0.0), nothing, {}, np.array(np.inf), -np.inf)
-        assert found[1] == result[1]
-        assert found[0] is None if result[0] is None else found[0].terms == result[0].terms  # type: ignore[union-attr]
+    arguments: Any = (nothing, fit_at(0.0), nothing, {}, np.array(np.inf), -np.inf)
+    assert _led_by_others(*arguments, ()) == (None, 0)
+    point, count = _led_by_others(*arguments, (4, 9))
+    assert (point and point.terms, count) == (fit_at(1.0).point.terms, 3)
     assert asked == [(tuple(run for run in RUNS if run not in (4, 9)), False)]
 
 
@@ -117,6 +117,8 @@ def test_fit_goes_on_from_the_point_of_the_others_once(monkeypatch: pytest.Monke
         fits, "_optimum",
         lambda fit, *_: SimpleNamespace(predicted=promised[fit.point.terms["line"][0]], per_run=np.zeros((1, 4))),
     )  # fmt: skip
+    monkeypatch.setattr(fits, "full_step", lambda *_: None)
+    monkeypatch.setattr(fits, "obstructing_runs", lambda *_: (4,))
     monkeypatch.setattr(fits, "_led_by_others", led_by_others)
     monkeypatch.setattr(fits, "line_search", lambda *_: (fit_at(0.0).point, False))
     problem: Any = SimpleNamespace(watch=SimpleNamespace(look=lambda: None), open_ground=False)

@@ -241,7 +241,7 @@ def walked(
         return replace(before.point, per_run=before.point.per_run + 1.0), better
 
     monkeypatch.setattr(fits, "line_search", further)
-    monkeypatch.setattr(fits, "_led_by_others", lambda *_: (None, 0))
+    monkeypatch.setattr(fits, "full_step", lambda *_: None)
     monkeypatch.setattr(fits, "_carried_on", lambda *given: given[3])
     columns = (Column("line", 0, LINE),)
     return _fitted(problem(on_ground=now is not None), fit().point, columns, {}, (0,), np.array(np.inf), rival)

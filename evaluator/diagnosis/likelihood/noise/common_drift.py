@@ -194,7 +194,7 @@ def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precisi
         turned = partial(_of_midpoint, white)
         view = changed(run.view, turned)
         widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))
-        random = np.hstack([walk * run.friction[:, : run.friction.shape[1] * bool(walk)], run.late])
+        random = np.hstack([walk * run.friction, run.late]) if walk else run.late
         if random.shape[1]:
             ground = friction_wander.whitening(turned(random.T).T)
             view = changed(view, ground.of)

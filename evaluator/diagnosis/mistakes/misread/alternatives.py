@@ -67,8 +67,7 @@ def alternatives(
         ),
         *(_in_unit(run, factor) if factor else ()),
         *_other_commands(run, data),
-        *(_mistyped(run) if run.log is None else ()),
-        *(_offsets(run) if run.log is not None else ()),
+        *(_mistyped(run) if run.log is None else _offsets(run)),
     ]
 
 
