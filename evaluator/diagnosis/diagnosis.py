@@ -6,9 +6,8 @@ import math
 from dataclasses import replace
 
 from evaluator.diagnosis.answer import answer
-from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.model_comparison import is_free, separations
-from evaluator.diagnosis.assessment.sole_run import is_followed, sole_gains, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import hiding_run, is_followed, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
@@ -57,16 +56,20 @@ def _with_next_runs(found: Diagnosis, progress: Progress) -> Diagnosis:
 
 
 def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis after exclusion of single runs on which a finding depends."""
+    """The diagnosis after exclusion of single runs on which a finding depends, or that hide one."""
     found = _diagnosed(session, watch, fits)
     for _ in range(max(len(session.data) // RUNS_TO_AN_OUTLYING_ONE, 1)):
         suspect = _sole_run_of(found)
+        hides = suspect is None
+        suspect = _hiding_run_of(found) if suspect is None else suspect
         if suspect is None:
             break
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
         alone = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
+        if alone and hides:
+            break
         rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
-        again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits)
+        again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits, hides=hides)
         if again is None:
             return replace(found, reason=f"{found.reason}; {rests}") if alone else found
         if alone and again.verdict == "none":
@@ -75,8 +78,8 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
     return found
 
 
-def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
-    """The diagnosis of all runs except one; None if these do not need fewer effects.
+def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None, *, hides: bool) -> Diagnosis | None:
+    """The diagnosis of all runs except one; None if these do not need fewer effects, unless it hides effects.
 
     If the time limit is reached before, the verdict is "insufficient".
     """
@@ -90,7 +93,7 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         tail = f"the finding with {data[suspect].id}, {found.summary}, rests on this run alone"
         return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)
     simpler = again.chosen < found.chosen or (again.chosen == found.chosen and suspect in found.outlying)
-    if again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler):
+    if not hides and (again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler)):
         return None
     if _is_followed(found, again, suspect):
         more = ", ".join(sorted(found.chosen - again.chosen)) or "more than noise"
@@ -98,7 +101,7 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None
-    if found.leftover is not None and _sole_gains_of(found, found.leftover) == suspect:
+    if found.leftover is not None and (hides or _sole_gains_of(found) == suspect):
         left, right = found.leftover.random_effects[found.fit.runs.index(suspect), 1:3]
         gains = float(left), float(right)
     odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
@@ -133,15 +136,24 @@ def _sole_run_of(found: Diagnosis) -> int | None:
     if found.verdict != "unknown" or found.leftover is None:
         return None
     misfit = sole_misfit(found.leftover, found.fit.runs)
-    return _sole_gains_of(found, found.leftover) if misfit is None else misfit
+    return _sole_gains_of(found) if misfit is None else misfit
 
 
-def _sole_gains_of(found: Diagnosis, left: Adequacy) -> int | None:
+def _sole_gains_of(found: Diagnosis) -> int | None:
     """The only run whose wheel speeds differ significantly and relevantly from the others; None if there is none.
 
     Also None if the model does not explain the marks, since its wheel speeds are then meaningless.
     """
-    return None if not found.follows else sole_gains(left, found.fit.runs, found.session.relevant.speed_percent)
+    if found.leftover is None or not found.follows:
+        return None
+    return sole_gains(found.leftover, found.fit.runs, found.session.relevant.speed_percent)
+
+
+def _hiding_run_of(found: Diagnosis) -> int | None:
+    """The run whose wheel speeds hide effects of all others; None if there is none or the model does not explain it."""
+    if found.search is None or found.leftover is None or not found.follows or found.search.problem.open_ground:
+        return None
+    return hiding_run(found.leftover, found.fit.runs, found.session.relevant.speed_percent)
 
 
 def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

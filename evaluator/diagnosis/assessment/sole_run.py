@@ -39,6 +39,10 @@ Floats = NDArray[np.float64]
 # is usually the first of them.
 TRIED = 3
 FEWEST_RUNS = 4  # three that agree are needed to show that one does not
+# Factor by which one run widens the scatter of the wheel speeds of all, from which it hides effects: an effect must
+# then be three times as large to be found. Several times the largest factor of an ordinary run; its difference must
+# also be this many times what matters, 1 % by default, because motors of one laboratory differ by some tenths.
+HIDES, PLAIN = 3.0, 10.0
 MEAN_SPREAD = (np.mean, partial(np.std, ddof=1))
 
 
@@ -80,11 +84,12 @@ def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:
     return runs[worst] if left.excess > EXCESS >= float(others.mean()) else None
 
 
-def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> int | None:
+def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float, widening: float = 1.0) -> int | None:
     """The run whose wheel speeds differ significantly from those of all others; None if there is none.
 
     One run with a wrong command increases the scatter of all runs, which may hide effects. least_percent: least
     difference of the wheel speeds; a smaller one is irrelevant, and excluding a valid run may change the verdict.
+    widening: least factor by which the run widens the scatter.
 
     The estimate of a gain is shrunk by the share of its variance that the run determines, and scatters by the square
     root of this share; it is therefore divided by this root, or the most informative runs would appear outlying.
@@ -102,7 +107,17 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> i
     worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
     p = 2 * gains.size * stats.t.sf(apart[worst, side], count - 2)
     off_percent = 100 * abs(gains[worst, side] - np.delete(gains[:, side], worst).mean())
-    return runs[int(worst)] if p < NOT_CHANCE and off_percent > least_percent else None
+    wider = float(alike[:, side].std(ddof=1)) >= widening * spreads[worst, side]
+    return runs[int(worst)] if p < NOT_CHANCE and off_percent > least_percent and wider else None
+
+
+def hiding_run(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> int | None:
+    """The run whose wheel speeds differ so much from those of all others that it hides effects; None if there is none.
+
+    least_percent: of the difference that matters. An example is a speed of 60 rpm in a run whose file says 50: the
+    model follows the run with wheels that turn 20 % faster, and all others count as if their wheels might, too.
+    """
+    return sole_gains(left, runs, PLAIN * least_percent, HIDES)
 
 
 def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:

@@ -8,7 +8,7 @@ from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
-from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.diagnosis.mistakes.recognised import Correction, Found, Mistake
 from simulator.robot import Robot
 
 # Ratio of speeds of neighbouring runs. A run that is a quarter faster or slower has at least 64 % of the evidence for
@@ -61,8 +61,9 @@ def outlying_run(
     alone = f"{run.id} disagrees with the robot that the other {len(others)} runs determine"
     on_ground = is_full_size(robot)
     reading = None if on_ground else reading_of(run, others, robot)
-    if reading is None and gains is not None and run.log is None and not on_ground:
-        return _of_other_speeds(run, alone, gains)
+    of_speeds = None if run.log is not None or on_ground else gains
+    if of_speeds is not None and (reading is None or not _has_speeds(reading, run, of_speeds)):
+        return _of_other_speeds(run, alone, of_speeds)
     if reading is None:
         unread = "" if on_ground else "none of the usual mistakes explains it; "
         return Mistake((run.id,), "outlying", f"{alone}; {unread}{REPEAT}")
@@ -70,13 +71,22 @@ def outlying_run(
     return Mistake((run.id,), reading.kind, sentence, equivalent_kinds=reading.equivalent)
 
 
+def _has_speeds(reading: Found, run: RunData, gains: tuple[float, float]) -> bool:
+    """Whether a reading gives the wheels the speeds that they had, to the two digits to which these are stated."""
+    changed = reading.correction or Correction()
+    command = changed.command or tuple(changed.seconds_times * speed for speed in run.command)
+    return _rounded(command, (0.0, 0.0)) == _rounded(run.command, gains)
+
+
+def _rounded(command: tuple[float, ...], gains: tuple[float, float]) -> str:
+    """A command of both sides, multiplied by gains, with two digits."""
+    return " / ".join(f"{speed * (1 + gain):.2g}" for speed, gain in zip(command, gains, strict=True))
+
+
 def _of_other_speeds(run: RunData, alone: str, gains: tuple[float, float]) -> Mistake:
     """The mistake of a run whose wheels turn faster or slower than commanded: another command, if it reads as one."""
-    commanded, found = (
-        " / ".join(f"{speed * (1 + gain):.2g}" for speed, gain in zip(run.command, by, strict=True))
-        for by in ((0.0, 0.0), gains)
-    )
-    if found != commanded:
+    found = _rounded(run.command, gains)
+    if found != _rounded(run.command, (0.0, 0.0)):
         seen = f"it moves as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
         return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
     left, right = (f"{100 * abs(gain):.1g} % {'faster' if gain > 0 else 'slower'}" for gain in gains)

@@ -1,4 +1,4 @@
-"""Two groups of runs with different distances of the marks: repainted marks, or another robot."""
+"""Two groups of runs with different distances of the marks: repainted marks, another robot, or another calibration."""
 
 from __future__ import annotations
 
@@ -19,11 +19,17 @@ FEWEST_OF_GROUP = 2  # a single run is found by wrong_scale, at a larger deviati
 # Largest change of the distance of the marks if the camera is calibrated again: errors of its scale of 1e-3, and of the
 # lens of 8 µm per mark, which is 3e-3 of their 3.66 mm, in both calibrations; three standard deviations.
 CHANGED_SHARE = 0.0135
+# The same for runs that follow one another: errors of a lens differ with the place on the plate, and a change that is
+# the same for all runs before and after it is one of the scale; three standard deviations of two calibrations.
+RESCALED_SHARE = 0.0042
 APART = 2.0  # least ratio of the gap between two groups to their ranges; runs of one robot scatter evenly
 
 
 def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """The runs whose distance of the marks differs more from the robot file, if all runs form two groups; else none."""
+    """The runs whose distance of the marks differs more from the robot file, if all runs form two groups; else none.
+
+    A change of the scale between two days moves the speeds as well: a step of 1.2 % was called a drift of the speed.
+    """
     lines_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, line) for run, line in zip(data, lines_mm, strict=True)]
     if len(data) < 2 * FEWEST_OF_GROUP or any(run.from_poses for run in data):
@@ -41,7 +47,10 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         keystone, share = keystone + step, share - design[:, 2:] @ step
     low, high = share[~larger], share[larger]
     between = float(high.min() - low.max())
-    if between < max(CHANGED_SHARE, APART * float(np.ptp(low)), APART * float(np.ptp(high))):
+    order = np.argsort([run.order for run in data])
+    at_once = np.count_nonzero(np.diff(larger[order])) == 1
+    least = RESCALED_SHARE if at_once else CHANGED_SHARE
+    if between < max(least, APART * float(np.ptp(low)), APART * float(np.ptp(high))):
         return []
     far = larger if abs(np.median(high)) > abs(np.median(low)) else ~larger
     if far.sum() > len(data) / 2 + 1e-9:
@@ -49,6 +58,9 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     mine, others = (np.exp(np.median(share[part])) * np.median(np.array(lines_mm)[part]) for part in (far, ~far))
     runs = tuple(run.id for run, is_far in zip(data, far, strict=True) if is_far)
     words = f"their marks are {mine:.4g} mm apart, in the other runs {others:.4g} mm"
+    if between < CHANGED_SHARE:
+        remedy = "was the camera moved or calibrated again, or were the marks repainted? Diagnose both groups apart"
+        return [Found(run, "camera-moved", words, remedy, ("wrong-robot",), group=runs) for run in runs]
     remedy = "were they repainted? Give these runs a robot file of their own (robot, below the run)"
     return [Found(run, "wrong-robot", words, remedy, group=runs) for run in runs]
 

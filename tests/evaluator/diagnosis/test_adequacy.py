@@ -7,7 +7,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, _odd, _order, _widest, unlike_runs
+from evaluator.diagnosis.assessment.adequacy import (
+    Adequacy,
+    _odd,
+    _order,
+    _parted,
+    _smaller_group,
+    _widest,
+    unlike_runs,
+)
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3)]
@@ -83,6 +91,36 @@ def test_runs_above_and_below_the_others_are_told_apart_with_their_middle() -> N
     found = unlike_runs(Adequacy(1.0, 0.0, np.ones(20), np.sqrt(shares) * true, shares, 1.0, ""), range(20))
     assert [(item.runs, item.what) for item in found] == [((3, 4, 5), "right_gain"), ((8, 9), "right_gain")]
     assert [item.change for item in found] == pytest.approx([0.03, -0.055], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("slower", "told"), [((3, 5, 8), (3, 5, 8)), ((0, 1, 2, 3, 4, 5), (0, 1, 2, 3, 4, 5)), ((), ())]
+)
+def test_motors_of_two_speeds_are_two_groups_though_no_run_is_an_outlier(
+    slower: tuple[int, ...], told: tuple[int, ...]
+) -> None:
+    """Three of twelve motors 3 % slower than the others were scatter of all motors, and no word was said of them."""
+    gains = np.zeros(12)
+    gains[list(slower)] = -0.03
+    found = [item for item in unlike_runs(_left(np.random.default_rng(4), gains), range(12)) if item.what != "friction"]
+    assert [(item.runs, item.what) for item in found] == ([(told, "left_gain")] if told else [])
+    assert [item.change for item in found] == pytest.approx([-0.03] * len(found), rel=0.15)
+
+
+def test_the_best_two_groups_of_normal_values_are_no_groups_more_often_than_said() -> None:
+    rng = np.random.default_rng(6)
+    found = sum(bool(_smaller_group(rng.normal(size=8), 0.05)) for _ in range(300))
+    assert stats.binom.sf(found - 1, 300, 0.05) > 1e-3
+    assert not _smaller_group(np.array([*np.linspace(-1, 1, 10), 2.0, 30.0]), 0.05)  # an outlier and its neighbour
+
+
+def test_the_best_two_groups_are_those_of_a_search_over_all() -> None:
+    values = np.sort(np.random.default_rng(7).normal(size=(20, 9)), axis=1)
+    ratio, below = _parted(values)
+    for row, found, size in zip(values, ratio, below, strict=True):
+        within = {k: float(np.var(row[:k]) * k + np.var(row[k:]) * (9 - k)) for k in range(2, 8)}
+        best = min(within, key=lambda k: within[k])
+        assert (size, found) == (best, pytest.approx(np.var(row) * 9 / within[best] - 1))
 
 
 @pytest.mark.parametrize(("off", "unlike"), [(-0.02, ()), (0.02, (19,))])

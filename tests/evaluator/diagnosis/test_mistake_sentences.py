@@ -163,6 +163,15 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     hardly = outlying_run(run, others, ROBOT, gains=(-0.004, 0.003))
     assert hardly.kind == "outlying"
     assert "its left wheels turn 0.4 % slower than commanded, its right wheels 0.3 % faster; inspect" in hardly.sentence
+    for reading, kind in (
+        (Correction(seconds_times=1.2), "wrong-rate"),
+        (Correction(command=(1.0, 2.0)), "wrong-command"),
+    ):
+        half_read = Found("r0", "wrong-rate", "moves so", "mend it", (), reading)
+        monkeypatch.setattr(outlying, "reading_of", lambda *_, read=half_read: read)
+        for gains, of_gains in (((0.2, 0.2), False), ((0.2, 0.14), True)):
+            sentence = outlying_run(run, others, ROBOT, gains=gains).sentence
+            assert ("moves as if it were commanded about" in sentence) == (of_gains or kind == "wrong-command")
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)

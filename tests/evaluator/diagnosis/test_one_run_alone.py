@@ -195,3 +195,21 @@ def test_a_run_whose_wheels_turn_otherwise_is_described_by_them(monkeypatch: pyt
         monkeypatch.setattr(module, "outlying_run", described)
         diagnose(whole.session, no_progress)
         assert told[-1] == gains
+
+
+@pytest.mark.parametrize("rest", ["none", "effect", "unknown"])
+@pytest.mark.parametrize("similar", [True, False])
+def test_a_run_with_other_wheel_speeds_is_excluded_whatever_the_others_show_if_some_drive_alike(
+    monkeypatch: pytest.MonkeyPatch, rest: Any, *, similar: bool
+) -> None:
+    """A speed of 60 rpm in a run whose file says 50 was accepted as scatter of the wheels of all runs."""
+    around(monkeypatch, suspect=None, similar=similar)
+    monkeypatch.setattr(module, "hiding_run", lambda _, runs, __: ODD if len(runs) == 12 else None)
+    monkeypatch.setattr(module, "outlying_run", lambda run, _, __, gains: Mistake((run.id,), "outlying", f"{gains}"))
+    left: Any = SimpleNamespace(random_effects=np.arange(48.0).reshape(12, 4))
+    whole = finding("none", leftover=left)
+    less = Diagnosis(rest, "by the others", session_of(11), search=ON_PLATE, terms={})
+    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else less)
+    found = diagnose(whole.session, no_progress)
+    assert found.verdict == (rest if similar else "none")
+    assert [item.sentence for item in found.session.mistakes] == ["(13.0, 14.0)"] * similar

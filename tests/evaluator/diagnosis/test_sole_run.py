@@ -13,7 +13,7 @@ from scipy import stats
 
 from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, sole_gains, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, hiding_run, sole_gains, sole_misfit, sole_run
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
@@ -179,3 +179,26 @@ def test_a_run_that_wants_parameters_beyond_chance_is_not_followed(
         monkeypatch, np.array([[variance]]), np.array([[information]]), np.array([information * (0.3 + off)])
     )
     assert (found is not None) == follows
+
+
+@pytest.mark.parametrize(("off", "scatter", "named"), [(0.2, 2e-3, 4), (0.009, 2e-4, None), (0.2, 0.03, None)])
+def test_a_run_hides_effects_if_it_triples_the_scatter_by_ten_times_what_matters(
+    off: float, scatter: float, named: int | None
+) -> None:
+    """A wheel 20 % faster among motors of 0.2 %; 0.9 % faster among better ones; 20 % faster among motors of 3 %."""
+    effects = np.zeros((16, 4))
+    effects[:, 1:3] = np.random.default_rng(8).normal(size=(16, 2)) * scatter
+    effects[4, 2] += off
+    assert hiding_run(_left_of(effects), tuple(range(16)), 0.1) == named
+
+
+@pytest.mark.parametrize(("times", "named"), [(0.99, None), (1.01, 11)])
+def test_the_scatter_with_a_hiding_run_is_three_times_that_without_it(times: float, named: int | None) -> None:
+    others = np.tile([-1.0, 1.0], 6)[:11]
+    others -= others.mean()
+    # with an outlier at distance d: 11 var' = 10 var + d² 11 / 12, and var' = 9 var
+    limit = np.sqrt(89 * 12 / 11) * others.std(ddof=1)
+    effects = np.zeros((12, 4))
+    effects[:, 1] = 0.01 * np.append(others, times * limit)
+    effects[:, 2] = 0.01 * np.append(others, 0.0)
+    assert hiding_run(_left_of(effects), tuple(range(12)), 0.1) == named
