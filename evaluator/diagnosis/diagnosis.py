@@ -16,7 +16,7 @@ from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
-from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
+from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
@@ -74,6 +74,9 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
             return replace(found, reason=f"{found.reason}; {rests}") if alone else found
         if alone and again.verdict == "none":
             return replace(again, verdict="insufficient", reason=f"the model is contradicted, but {rests}")
+        if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
+            rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
+            return replace(found, reason=f"{found.reason}; {', '.join(sorted(again.chosen))} {rests}")
         found = again
     return found
 

@@ -24,6 +24,7 @@ from evaluator.report.diagnosis.words import (
     next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
+    scatter_sentence,
     separations_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -46,7 +47,12 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
             best, low, high = sizes(name, value, effect["id"])
             lines.append(f"  {name} = {best}  [95 %: {low} to {high}]")
         lines.append(equivalents_sentence(effect))
-    lines += [gap_sentence(content), predicted_sentence(content), preferred_sentence(content)]
+    lines += [
+        gap_sentence(content),
+        predicted_sentence(content),
+        scatter_sentence(content),
+        preferred_sentence(content),
+    ]
     if content.get("runs_not_followed") and closes(content):
         lost = ", ".join(content["runs_not_followed"])
         lines.append(f"The chosen model does not follow {lost}. Inspect these recordings first.")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of
@@ -28,6 +30,19 @@ def has_similar_runs(run: RunData, others: Sequence[RunData]) -> bool:
         return True
     around = [_drive(pair) for other in others for pair in _pairs(other)]
     return bool(around) and all(_among(_drive(pair), around) for pair in _pairs(run))
+
+
+def turns_like_others(run: RunData, others: Sequence[RunData]) -> bool:
+    """Whether other runs drive similarly with the same side slower.
+
+    Left out, the only sharp right turn among left turns makes whatever is wrong with these an effect of one side.
+    """
+    return has_similar_runs(run, [other for other in others if _slower_sides(other) & _slower_sides(run)])
+
+
+def _slower_sides(run: RunData) -> set[float]:
+    """Signs of the unsigned speeds of left minus right wheels; 0 if a run drives straight ahead."""
+    return {float(np.sign(abs(left) - abs(right))) for left, right in _pairs(run)}
 
 
 def _pairs(run: RunData) -> list[tuple[float, float]]:

@@ -18,7 +18,7 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
     changed = friction_change(diagnosis.leftover, diagnosis.fit.runs, diagnosis.session.data)
     found = [] if changed is None else [_over_session(changed, diagnosis)]
     for item in unlike_runs(diagnosis.leftover, diagnosis.fit.runs):
-        if item.what == "friction" and changed is not None and set(item.runs) <= set(changed.runs):
+        if item.what == "friction" and changed is not None:  # the runs before a change are unlike those after it
             continue
         percent = 100 * item.change
         if item.what in WHEELS and abs(percent) <= diagnosis.session.relevant.speed_percent:

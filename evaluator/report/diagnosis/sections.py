@@ -22,6 +22,7 @@ from evaluator.report.diagnosis.words import (
     next_runs,
     not_tried_sentence,
     rivals_sentence,
+    scatter_sentence,
     separations_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -103,7 +104,7 @@ def _gap(content: Json) -> Section | None:
         return None
     lost = content.get("runs_not_followed") or []
     held = gap.get("held_out_runs") or []
-    text = [gap_sentence(content), predicted_sentence(content)]
+    text = [gap_sentence(content), predicted_sentence(content), scatter_sentence(content)]
     if held:
         gain = gap.get("held_out_gain_sigmas")
         tail = f", which the effect predicts better by {gain:.0f} sigmas" if gain else ""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import length, parameter, sizes
+from evaluator.report.diagnosis.values import length, parameter, percent_text, sizes
 from evaluator.report.numbers import significant
 from simulator.effects.catalogue import EFFECTS
 
@@ -252,17 +252,35 @@ def gap_sentence(content: Json) -> str:
     return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
 
 
+SCATTERS = 2.0  # noise floors of predicted distance from which the scatter between runs is its main part
+
+
+def scatter_sentence(content: Json) -> str:
+    """What varies from run to run, where this is most of what a prediction misses; empty elsewhere."""
+    gap, scatter = content.get("gap") or {}, (content.get("noise") or {}).get("run_to_run")
+    left = ((gap.get("predicted") or {}).get("after") or {}).get("fit")
+    if content.get("verdict") not in ("none", "effect") or not scatter or left is None:
+        return ""
+    if left <= SCATTERS * gap["noise_floor"]:
+        return ""
+    friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
+    return (
+        f"The prediction misses what varies from run to run: friction by {friction}, wheel speeds by {speed} (1 sigma)."
+    )
+
+
 def in_words(text: str) -> str:
     """A sentence with the ids of free-form terms replaced by words."""
     return re.sub(re.escape(PREFIX) + r"[\w.+=-]+", lambda match: effect_words(match[0]), text)
 
 
 def as_sentence(text: str) -> str:
-    """A text with a capital, a full stop and true minus signs; the id of a run or an effect stays as it is written."""
+    """A text with a capital, its end and true minus signs; the id of a run or an effect stays as it is written."""
     text = _with_minus(text)
     first = text.split(maxsplit=1)[0].rstrip(",:;") if text.strip() else ""
     capital = text[:1].upper() if first.isalpha() else text[:1]
-    return capital + text[1:].rstrip(".") + "." if text else ""
+    end = "" if text.endswith("?") else "."
+    return capital + text[1:].rstrip(".") + end if text else ""
 
 
 def _with_minus(text: str) -> str:

@@ -16,7 +16,7 @@ from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
 from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
-from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run
+from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -143,6 +143,14 @@ def test_a_run_at_other_intervals_than_the_session_may_be_of_another_rate_by_its
     for own, told in ((True, True), (False, False)):
         ways = [Alternative(None, run), Alternative("wrong-rate", run, "moves as if", own=own)]
         assert (_judged(Judgement(ways, misfits, 10.0, ()), set()) is not None) == told
+
+
+def test_a_turn_is_like_others_with_the_same_side_slower() -> None:
+    left, right = replace(driven(0), left_rpm=14.4, right_rpm=33.3), replace(driven(1), left_rpm=33.3, right_rpm=14.4)
+    backward = replace(driven(2), left_rpm=-14.4, right_rpm=-33.3)
+    assert has_similar_runs(left, [right])
+    assert not turns_like_others(left, [right])
+    assert turns_like_others(left, [right, backward])
 
 
 def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkeypatch: pytest.MonkeyPatch) -> None:

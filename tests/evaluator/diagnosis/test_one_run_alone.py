@@ -42,6 +42,7 @@ def around(
     sole = None if suspect is None else SimpleNamespace(run=suspect)
     monkeypatch.setattr(module, "sole_run", lambda *_: sole)
     monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
+    monkeypatch.setattr(module, "turns_like_others", lambda *_: True)
     monkeypatch.setattr(module, "is_followed", lambda *_: followed)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     monkeypatch.setattr(module, "varied_robot", lambda *_: None)
@@ -89,6 +90,22 @@ def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect
         whole = finding("effect", "it pays", chosen=TILT, outlying=outlying)
         found = diagnosed(monkeypatch, whole, rest, similar=True)
         assert (found.verdict, [item.runs for item in found.session.mistakes]) == ("effect", named)
+
+
+@pytest.mark.parametrize("turns_alike", [True, False])
+def test_an_effect_that_only_the_exclusion_of_the_one_opposite_turn_shows_is_none(
+    monkeypatch: pytest.MonkeyPatch, *, turns_alike: bool
+) -> None:
+    """Of three sharp turns with wrong commands the only right turn was left out, and one-sided magnets were named."""
+    rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
+    around(monkeypatch)
+    monkeypatch.setattr(module, "turns_like_others", lambda *_: turns_alike)
+    whole = finding("unknown")
+    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
+    found = diagnose(whole.session, no_progress)
+    assert found.verdict == ("effect" if turns_alike else "unknown")
+    only = "so; plate-tilt explains all runs but r3, the only one that turns this way: repeat that run"
+    assert (found.reason == only) == (not turns_alike)
 
 
 @pytest.mark.parametrize("followed", [True, False])

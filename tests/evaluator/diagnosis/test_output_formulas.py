@@ -271,7 +271,9 @@ def test_runs_unlike_the_others_are_told_with_sign_and_size(
 def test_friction_that_changes_over_the_session_is_told_once(
     change: FrictionChange, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((2,), "friction", -0.2)])
+    monkeypatch.setattr(
+        unlike_runs, "unlike_runs", lambda *_: [Unlike((0,), "friction", 0.2), Unlike((2,), "friction", -0.2)]
+    )
     monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: change)
     session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
     fit = SimpleNamespace(runs=(0, 1, 2))

@@ -26,6 +26,7 @@ from evaluator.report.diagnosis.words import (
     left_out_sentence,
     next_runs_sentence,
     rivals_sentence,
+    scatter_sentence,
     separations_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -103,6 +104,21 @@ def test_what_is_predicted_from_start_poses_is_said_with_the_runs_that_are_not()
         "No run can be predicted from its start pose alone. Not predicted: r1 (it tips)."
     )
     assert predicted() == ""
+
+
+def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> None:
+    """ "Nothing is missing" stood beside 65 µm predicted at a noise floor of 6 µm, and no word of the cause."""
+    gap = {"noise_floor": 0.006, "predicted": {"after": {"fit": 0.0121}}}
+    content: dict[str, Any] = {
+        "verdict": "none", "gap": gap, "noise": {"run_to_run": {"friction": 0.106, "wheel_speed": 0.0064}}
+    }  # fmt: skip
+    assert scatter_sentence(content) == (
+        "The prediction misses what varies from run to run: friction by 11 %, wheel speeds by 0.64 % (1 sigma)."
+    )
+    assert scatter_sentence({**content, "verdict": "unknown"}) == ""
+    assert scatter_sentence({**content, "noise": {"run_to_run": None}}) == ""
+    assert scatter_sentence({**content, "gap": {**gap, "predicted": {"after": {"fit": 0.0119}}}}) == ""
+    assert scatter_sentence({**content, "gap": {"noise_floor": 0.006}}) == ""
 
 
 def test_quantities_stand_in_a_table_with_what_was_assumed_and_found() -> None:
@@ -222,6 +238,9 @@ def test_sentences_that_have_no_reason_are_empty() -> None:
     assert as_sentence("") == ""
     assert as_sentence("r01: -5 rpm") == "r01: −5 rpm."
     assert as_sentence("speed: -5 rpm.") == "Speed: −5 rpm."
+    assert as_sentence("from r06 on it is lower: was the plate cleaned?") == (
+        "From r06 on it is lower: was the plate cleaned?"
+    )
     assert effect_words("plate-tilt") == "plate-tilt"
 
 
