@@ -25,7 +25,7 @@ from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.files import read_with
-from evaluator.interchange.tracker_faults import without_faults
+from evaluator.interchange.tracker_faults import Mended, mended, without_faults
 from evaluator.mark_geometry import equal_height_mm
 from evaluator.marks import columns_of, mark_names, read_marks
 from evaluator.robot_geometry import reference_line, reference_marks, reference_pair
@@ -134,11 +134,63 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
     marks: marks CSV by run id. cameras: camera.json of the runs whose marks it placed. Raises InputError for robots
     that cannot be read or differ in their tolerances.
     """
+    cameras = cameras or {}
+    known = {path: read_with(load_camera, path) for path in dict.fromkeys(cameras.values())}
+    read, tables = _read(experiment, marks, {}, cameras)
+    sightings: list[Sighting | None] = []
+    for run, robot in zip(read.data, read.robots, strict=True):
+        camera = cameras.get(run.id)
+        sightings.append(
+            Sighting(
+                tables[run.id],
+                reference_pair(robot) or (),
+                f"camera {list(known).index(camera) + 1}",
+                known[camera],
+                equal_height_mm(robot.layout, robot.name),
+            )
+            if camera
+            else None
+        )
+    placed = [None if seen or run.from_poses else run.marks_mm for seen, run in zip(sightings, read.data, strict=True)]
+    errors = zip(shared_errors(sightings), plane_errors(placed, experiment.known_to.plane_scale), strict=True)
+    data = [replace(run, systematic=seen | plane) for run, (seen, plane) in zip(read.data, errors, strict=True)]
+    session = without_mistakes(needed_of(_in_pieces(replace(read, data=tuple(data)))))
+    return with_knowledge(session, experiment.known_to)
+
+
+def mistakes_in(
+    experiment: Experiment, marks: Mapping[str, Path], known: Mapping[Path, Mended] | None = None
+) -> tuple[Mistake, ...]:
+    """The mistakes of session_of, without what only a fit needs: no search for mistakes uses errors that runs share.
+
+    The shifts by these of ten thousand short runs take half a gigabyte. known: marks of files that have been read.
+    Raises InputError as session_of does.
+    """
+    session, _ = _read(experiment, marks, known or {})
+    return without_mistakes(needed_of(_in_pieces(session))).mistakes
+
+
+def _in_pieces(session: Session) -> Session:
+    """The session with long recordings of poses on open ground cut into pieces."""
+    pieces = [
+        (piece, robot)
+        for run, robot in zip(session.data, session.robots, strict=True)
+        for piece in (pieces_of(run, FEWEST_POSES) if run.from_poses and is_full_size(robot) else (run,))
+    ]
+    return replace(session, data=tuple(piece for piece, _ in pieces), robots=tuple(robot for _, robot in pieces))
+
+
+def _read(
+    experiment: Experiment,
+    marks: Mapping[str, Path],
+    known: Mapping[Path, Mended],
+    cameras: Collection[str] = (),
+) -> tuple[Session, dict[str, pd.DataFrame]]:
+    """All usable runs of an experiment, and the tables of those in cameras, by id; known: marks of files, if read."""
     robots: dict[str, Robot] = {}
     pairs: dict[str, tuple[str, ...]] = {}
-    data, used, skipped = [], [], {}
-    sightings: list[Sighting | None] = []
-    known = {path: read_with(load_camera, path) for path in dict.fromkeys((cameras or {}).values())}
+    lines_rad: dict[str, float] = {}
+    data, used, skipped, kept = [], [], {}, {}
     for order, run in enumerate(experiment.run):
         name = run.robot or experiment.robot
         if name not in robots:
@@ -148,46 +200,50 @@ def session_of(experiment: Experiment, marks: Mapping[str, Path], cameras: Mappi
             skipped[run.id] = "no marks"
             continue
         try:
-            shown, table = _read_run(run, order, marks[run.id], robots[name], pairs[name])
+            table, values = _pair_of(marks[run.id], robots[name], pairs[name], known, run.id in cameras)
+            if name not in lines_rad:
+                line = reference_line(robots[name])
+                lines_rad[name] = float(np.arctan2(line[1], line[0]))
+            shown, own = _read_run(run, order, values, lines_rad[name])
         except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
         data.append(shown)
         used.append(robots[name])
-        camera = (cameras or {}).get(run.id)
-        sightings.append(
-            Sighting(
-                table,
-                pairs[name],
-                f"camera {list(known).index(camera) + 1}",
-                known[camera],
-                equal_height_mm(robots[name].layout, robots[name].name),
-            )
-            if camera
-            else None
-        )
+        if table is not None:
+            kept[run.id] = table[own]
     _check_tolerances(used)
-    placed = [None if seen or run.from_poses else run.marks_mm for seen, run in zip(sightings, data, strict=True)]
-    errors = zip(shared_errors(sightings), plane_errors(placed, experiment.known_to.plane_scale), strict=True)
-    shared = tuple(replace(run, systematic=seen | plane) for run, (seen, plane) in zip(data, errors, strict=True))
-    pieces = [
-        (piece, robot)
-        for run, robot in zip(shared, used, strict=True)
-        for piece in (pieces_of(run, FEWEST_POSES) if run.from_poses and is_full_size(robot) else (run,))
-    ]
-    runs, owners = tuple(piece for piece, _ in pieces), tuple(robot for _, robot in pieces)
-    session = without_mistakes(needed_of(Session(runs, owners, skipped, relevant=experiment.relevant)))
-    return with_knowledge(session, experiment.known_to)
+    return Session(tuple(data), tuple(used), skipped, relevant=experiment.relevant), kept
 
 
-def _read_run(run: Run, order: int, marks: Path, robot: Robot, pair: Sequence[str]) -> tuple[RunData, pd.DataFrame]:
-    """The frames of a run that a diagnosis uses, and their rows in the table of the robot's reference pair.
+def _pair_of(
+    path: Path, robot: Robot, pair: Sequence[str], known: Mapping[Path, Mended], seen: bool
+) -> tuple[pd.DataFrame | None, Floats]:
+    """Time and places (n, 5) of a robot's reference pair, and the table that they are from if a camera has seen them.
 
-    Raises InputError with the reason why the run cannot be used.
+    Of a robot with two marks nothing else is needed, and a table of pandas takes longer than all else for a short run.
     """
-    read = read_marks(marks)
+    if len(robot.points_mm) == len(pair) and not seen:
+        found = known.get(path) or _mended(path)
+        if missing := [name for name in pair if name not in found.names]:
+            raise InputError(f"{path}: lacks the marks {', '.join(missing)} of {robot.name}")
+        places = [found.places_mm[:, found.names.index(name)] for name in pair]
+        return None, np.column_stack([found.time_s, *places])
+    read = read_marks(path)
     table = reference_marks(without_faults(read, mark_names(read)), robot)
-    values = table[["time_s", *columns_of(pair)]].to_numpy(dtype=float, copy=True)
+    return table if seen else None, table[["time_s", *columns_of(pair)]].to_numpy(dtype=float, copy=True)
+
+
+def _mended(path: Path) -> Mended:
+    table = read_marks(path)
+    return mended(table, mark_names(table))
+
+
+def _read_run(run: Run, order: int, values: Floats, line_rad: float) -> tuple[RunData, slice]:
+    """The frames of a run that a diagnosis uses, and which they are; values: (n, 5), time and the reference pair.
+
+    line_rad: see RunData. Raises InputError with the reason why the run cannot be used.
+    """
     both = np.isfinite(values).all(axis=1)
     fewest = FEWEST_POSES if run.poses else FEWEST_FRAMES
     if both.sum() < fewest:
@@ -198,14 +254,8 @@ def _read_run(run: Run, order: int, marks: Path, robot: Robot, pair: Sequence[st
     values[:, 1:] = without_outliers(values[:, 1:])
     shown = _run_data(run, order, values[:, 0], values[:, 1:])
     own = _own_frames(shown, fewest)
-    line = reference_line(robot)
-    shown = replace(
-        shown,
-        time_s=shown.time_s[own],
-        marks_mm=shown.marks_mm[own],
-        line_rad=float(np.arctan2(line[1], line[0])),
-    )
-    return shown, table[first + own.start : first + own.stop]
+    shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own], line_rad=line_rad)
+    return shown, slice(first + own.start, first + own.stop)
 
 
 def _run_data(run: Run, order: int, time_s: Floats, marks_mm: Floats) -> RunData:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -26,36 +27,68 @@ SOUND_SHARE = 0.2  # of the usual distance of both marks: if it deviates by more
 LEAST_SHARE = 0.02  # of this distance: a keystone of the camera changes it by about as much over a plate
 
 
+@dataclass(frozen=True)
+class Mended:
+    """Marks of a table as they were before a tracker lost or exchanged them.
+
+    time_s: (n,). places_mm: (n, m, 2) by names, NaN where a mark is missing. exchanged: (n,), lost: (n, m), rows of the
+    table that were wrong.
+    """
+
+    names: tuple[str, ...]
+    time_s: Floats
+    places_mm: Floats
+    exchanged: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences that count the wrong rows."""
+        found, count = [], len(self.time_s)
+        if self.exchanged.any():
+            first, second = self.names
+            rows = f"{self.exchanged.sum()} of {count} rows"
+            found.append(f"{first} and {second} are exchanged in {rows}, and are put back there")
+        lost = zip(self.names, self.lost.sum(axis=0), strict=True)
+        if said := ", ".join(f"{name} in {rows} of {count} rows" for name, rows in lost if rows):
+            found.append(f"marks repeat their last place while the robot moves, and do not count there: {said}")
+        return found
+
+
+def mended(table: pd.DataFrame, names: Sequence[str]) -> Mended:
+    """Marks of a table (evaluator.marks) in mm with repeated places missing and exchanged marks put back.
+
+    Two marks were exchanged where the robot turns by half a revolution at once; the larger part of the rows is assumed
+    to be right. Three and more marks are distinguished by their distances.
+    """
+    time_s, count = table["time_s"].to_numpy(float, copy=True), len(table)
+    places = points_of(table, names) if names else np.zeros((count, 0, 2))
+    exchanged = np.zeros(count, dtype=np.bool_)
+    if len(names) == 2:
+        exchanged = _exchanged(places[:, 0], places[:, 1], time_s)
+        places[exchanged] = places[exchanged][:, ::-1]
+    lost = _lost(places)
+    places[lost] = np.nan
+    return Mended(tuple(names), time_s, places, exchanged, lost)
+
+
 def without_faults(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """A marks table (evaluator.marks) in mm with repeated places missing and exchanged marks put back.
-
-    names: marks of the table. attrs["faults"] of the result are notes that count the rows.
-    """
-    changed, notes = table.copy(), []
-    for mend in (_put_back, _without_repeated):
-        note = mend(changed, names)
-        notes += [note] if note else []
-    changed.attrs["faults"] = notes
+    """A marks table in mm without the faults that `mended` finds, whose notes are attrs["faults"] of the result."""
+    found, changed = mended(table, names), table.copy()
+    if found.exchanged.any():
+        for name in [str(name) for name in table if str(name).startswith(f"{names[0]}_")]:
+            other = f"{names[1]}{name.removeprefix(names[0])}"
+            if other in table:
+                one, two = table[name].to_numpy(copy=True), table[other].to_numpy(copy=True)
+                changed[name], changed[other] = (
+                    np.where(found.exchanged, two, one),
+                    np.where(found.exchanged, one, two),
+                )
+    for name, rows in zip(names, found.lost.T, strict=True):
+        if rows.any():
+            changed.loc[rows, columns_of([name])] = np.nan
+    changed.attrs["faults"] = found.notes
     return changed
-
-
-def _put_back(table: pd.DataFrame, names: Sequence[str]) -> str:
-    """Exchange two marks where a tracker exchanged them, in place; a note that counts the rows, "" if there are none.
-
-    The larger part of the rows is assumed to be right. Three and more marks are distinguished by their distances.
-    """
-    if len(names) != 2:
-        return ""
-    first, second = np.moveaxis(points_of(table, names), 1, 0)
-    rows = _exchanged(first, second, table["time_s"].to_numpy(float))
-    if not rows.any():
-        return ""
-    for name in [str(name) for name in table if str(name).startswith(f"{names[0]}_")]:
-        other = f"{names[1]}{name.removeprefix(names[0])}"
-        if other in table:
-            one, two = table[name].to_numpy(copy=True), table[other].to_numpy(copy=True)
-            table[name], table[other] = np.where(rows, two, one), np.where(rows, one, two)
-    return f"{names[0]} and {names[1]} are exchanged in {rows.sum()} of {len(table)} rows, and are put back there"
 
 
 def _exchanged(first: Floats, second: Floats, time_s: Floats) -> NDArray[np.bool_]:
@@ -77,17 +110,18 @@ def _exchanged(first: Floats, second: Floats, time_s: Floats) -> NDArray[np.bool
     return rows
 
 
-def _without_repeated(table: pd.DataFrame, names: Sequence[str]) -> str:
-    """Set repeated places of a lost mark to NaN, in place; a note that counts them, "" if there are none.
+def _lost(places: Floats) -> NDArray[np.bool_]:
+    """Rows (n, m) in which marks (n, m, 2) repeat a place although they were lost.
 
     A mark that stays exactly where it was for FEWEST_ROWS or more is lost if its distance from another mark changes
     meanwhile, which no rigid robot does.
     """
-    places = dict(zip(names, np.moveaxis(points_of(table, names), 1, 0), strict=True)) if names else {}
-    still = {name: _stretches(place) for name, place in places.items()}
-    lost = {name: np.zeros(len(table), dtype=np.bool_) for name in names}
-    for first, second in combinations(names, 2):
-        apart = np.hypot(*(places[first] - places[second]).T)
+    lost = np.zeros(places.shape[:2], dtype=np.bool_)
+    still = [_stretches(place) for place in np.moveaxis(places, 1, 0)]
+    for first, second in combinations(range(len(still)), 2):
+        if not still[first] and not still[second]:
+            continue
+        apart = np.hypot(*(places[:, first] - places[:, second]).T)
         moving = np.isfinite(apart)
         for begin, end in (*still[first], *still[second]):
             moving[begin:end] = False
@@ -95,15 +129,11 @@ def _without_repeated(table: pd.DataFrame, names: Sequence[str]) -> str:
             continue
         usual = float(np.median(apart[moving]))
         most = max(SIGMAS * robust_sigma(apart[moving]), LEAST_SHARE * usual)
-        for name in (first, second):
-            for begin, end in still[name]:
+        for mark in (first, second):
+            for begin, end in still[mark]:
                 if np.any(np.abs(apart[begin:end] - usual) > most):  # false for NaN: the other mark is not visible
-                    lost[name][begin + 1 : end] = True
-    counts = {name: int(rows.sum()) for name, rows in lost.items() if rows.any()}
-    for name in counts:
-        table.loc[lost[name], columns_of([name])] = np.nan
-    said = ", ".join(f"{name} in {count} of {len(table)} rows" for name, count in counts.items())
-    return f"marks repeat their last place while the robot moves, and do not count there: {said}" if counts else ""
+                    lost[begin + 1 : end, mark] = True
+    return lost
 
 
 def _stretches(place: Floats) -> list[tuple[int, int]]:

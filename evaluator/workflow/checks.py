@@ -16,8 +16,7 @@ from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 if TYPE_CHECKING:
-    import pandas as pd
-
+    from evaluator.interchange.tracker_faults import Mended
     from simulator.robot import Robot
 
 
@@ -32,12 +31,12 @@ WEAKEST, STRONGEST = 0.01, 300.0
 class Written:
     """What experiment.toml says, also where it has faults; read once, as it may name thousands of files.
 
-    spans_s: first and last time of the marks files that could be read, by path.
+    marks: of the marks files that could be read, by path.
     """
 
     path: Path
     content: dict[str, Any]
-    spans_s: dict[Path, tuple[float, float]] = field(default_factory=dict)
+    marks: dict[Path, Mended] = field(default_factory=dict)
 
     @cached_property
     def folder(self) -> Path:
@@ -78,14 +77,14 @@ def check_experiment(path: Path) -> Check:
         faults.append(str(error))
     written = _written(path)
     faults += _faults_of_named_files(written) if written else ()
-    runs, spans_s = experiment.run if experiment else (), written.spans_s if written else {}
+    runs, marks = experiment.run if experiment else (), written.marks if written else {}
     faults += [fault for run in runs for fault in _faults_of_topics(run)]
-    faults += [fault for run in runs if (fault := _outside(run, spans_s))]
+    faults += [fault for run in runs if (fault := _outside(run, marks))]
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
-        found = mistakes_of_marks(experiment, given_marks(experiment))
+        found = mistakes_of_marks(experiment, given_marks(experiment), marks)
         mistakes = (*doubts_of_robots(experiment), *(item.sentence for item in found))
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
 
@@ -166,7 +165,7 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
         yield str(error)
 
 
-def _outside(run: Run, spans_s: Mapping[Path, tuple[float, float]]) -> str | None:
+def _outside(run: Run, marks: Mapping[Path, Mended]) -> str | None:
     """The fault of motors that start or stop outside the recording, by the duration that the container states."""
     from evaluator.interchange.tracks import program_of
     from evaluator.marks import read_marks
@@ -176,16 +175,13 @@ def _outside(run: Run, spans_s: Mapping[Path, tuple[float, float]]) -> str | Non
         if run.video is not None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
             return run.outside(run.run_command(), 0.0, last) if last is not None else None
-        if run.marks is not None and (run.marks in spans_s or program_of(run.marks) == "turnscope"):
-            return run.outside(run.run_command(), *(spans_s.get(run.marks) or _span_s(read_marks(run.marks))))
+        if run.marks is not None and (run.marks in marks or program_of(run.marks) == "turnscope"):
+            found = marks.get(run.marks)
+            times = found.time_s if found else read_marks(run.marks)["time_s"].to_numpy(float)
+            return run.outside(run.run_command(), float(times[0]), float(times[-1]))
         return _outside_of_poses(run, run.poses) if run.poses is not None else None
     except (InputError, OSError):
         return None  # reported for the file itself
-
-
-def _span_s(marks: pd.DataFrame) -> tuple[float, float]:
-    """First and last time of a marks table."""
-    return float(marks["time_s"].iloc[0]), float(marks["time_s"].iloc[-1])
 
 
 def _outside_of_poses(run: Run, path: Path) -> str | None:
@@ -248,6 +244,7 @@ def _video(written: Written, name: str) -> Iterator[str]:
 
 def _marks(written: Written, name: str) -> Iterator[str]:
     """Read a marks file as the analysis does, except for the conversion of px by the camera."""
+    from evaluator.interchange.tracker_faults import mended
     from evaluator.interchange.tracks import Tracks, program_of, read_points
     from evaluator.marks import mark_names, read_marks
 
@@ -261,9 +258,9 @@ def _marks(written: Written, name: str) -> Iterator[str]:
     def read(file: Path) -> None:
         if program_of(file) == "turnscope":
             table = read_marks(file, names or None)
-            if not mark_names(table):  # the robot and the names of its marks are unknown
+            if not (found_names := mark_names(table)):  # the robot and the names of its marks are unknown
                 raise InputError(f"{file}: holds no mark; expected columns NAME_x_mm and NAME_y_mm")
-            written.spans_s[file] = _span_s(table)
+            written.marks[file] = mended(table, found_names)
             return
         _, points, _ = read_points(file, tracks, marks=names)
         found.extend(mark for mark in points if mark in names)

@@ -18,6 +18,7 @@ ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in 
 MOVING_FRAMES = 4  # consecutive frames: one or two may be noise, or wrong marks in succession
 FEWEST_AT_REST = 3  # one wrong frame does not move their median
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
+LACKS_A_FRAME = 1.5  # usual times between frames: of ten frames a second none is missing, though each is 0.1 s apart
 AROUND_GAP = 15  # frames on either side: a quarter of a second
 GAP_SIGMAS = 8.0  # scatter of a frame: a velocity from 15 frames is extrapolated over a gap of a few times as many
 LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a gap; hands move a robot farther
@@ -128,7 +129,8 @@ def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[flo
     """
     time, _, _ = midpoint_and_heading(run)
     steps = np.diff(time)
-    gaps = np.flatnonzero((steps > SHORTEST_GAP_S) & (steps < LONGEST_GAP_S))
+    shortest_s = max(SHORTEST_GAP_S, LACKS_A_FRAME * float(np.median(steps))) if len(steps) else SHORTEST_GAP_S
+    gaps = np.flatnonzero((steps > shortest_s) & (steps < LONGEST_GAP_S))
     displaced = [
         (float(time[k]), float(time[k + 1]), displacement_over(run, (time[k], time[k + 1]), between)) for k in gaps
     ]

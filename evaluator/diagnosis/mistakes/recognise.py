@@ -10,7 +10,7 @@ from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
-from evaluator.diagnosis.mistakes.misread.hypotheses import misread_runs
+from evaluator.diagnosis.mistakes.misread.hypotheses import misread
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
@@ -19,9 +19,17 @@ from simulator.robot import Robot
 def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]:
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
-    robots: one per run, from their files. For robots of a metre only mistakes of most runs are accepted, because the
-    ground displaces a single run from the model as far as a mistake does.
+    robots: one per run, from their files. The last mistake may be of no run, and say that most of hundreds disagree
+    with their files and are not read wrongly. For robots of a metre only mistakes of most runs are accepted, because
+    the ground displaces a single run from the model as far as a mistake does.
     """
+    unread: list[str] = []
+
+    def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+        read = misread(data, robots)
+        unread.append(read.unread)
+        return read.found
+
     same = copies(data)
     found = list(same)
     found += _of_the_rest(wrong_seconds, data, robots, found)
@@ -47,7 +55,8 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     if any_full_size(robots):
         kinds = [item.kind for item in found]
         found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]
-    return mistakes_of(found, len(data), {"sides-swapped": turning})
+    said = [Mistake((), "outlying", sentence, everywhere=True) for sentence in unread[-1:] if sentence]
+    return [*mistakes_of(found, len(data), {"sides-swapped": turning}), *said]
 
 
 def _of_the_rest(

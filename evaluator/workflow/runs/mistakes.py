@@ -12,20 +12,23 @@ from simulator.errors import SimulationError
 
 if TYPE_CHECKING:
     from evaluator.diagnosis.mistakes.recognised import Mistake
+    from evaluator.interchange.tracker_faults import Mended
 
 
-def mistakes_of_marks(experiment: Experiment, marks: Mapping[str, Path]) -> list[Mistake]:
+def mistakes_of_marks(
+    experiment: Experiment, marks: Mapping[str, Path], known: Mapping[Path, Mended] | None = None
+) -> list[Mistake]:
     """Mistakes of the runs whose marks CSV is given by run id; none if no robot can be simulated.
 
-    Does not raise for unreadable files, which are reported elsewhere.
+    known: marks of files that have been read. Does not raise for unreadable files, which are reported elsewhere.
     """
-    from evaluator.diagnosis.experiment import session_of
+    from evaluator.diagnosis.experiment import mistakes_in
 
-    known = only_runs(experiment, marks)
-    if not known.run:
+    used = only_runs(experiment, marks)
+    if not used.run:
         return []
     try:
-        return list(session_of(known, marks).mistakes)
+        return list(mistakes_in(used, marks, known))
     except (InputError, SimulationError, FloatingPointError):
         return []
 

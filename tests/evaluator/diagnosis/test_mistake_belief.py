@@ -143,6 +143,50 @@ def test_only_runs_that_misfit_their_file_or_follow_a_log_are_simulated_as_other
     assert [(item.ways[0].run.id, len(item.ways)) for item in found] == [("r0", 1), ("r1", 2), ("r2", 2), ("r3", 2)]
 
 
+@pytest.mark.parametrize(
+    ("runs", "odd", "reversed_", "read", "unread"),
+    [
+        (260, 260, 260, 260, False),  # all are compared with the mistake that explains a sample of 100
+        (260, 260, 100, 100, True),  # a sample of 100 of which 38 fit it
+        (260, 207, 0, 207, False),  # less than four in five disagree
+        (250, 200, 0, 200, False),  # no more than are simulated at once
+        (251, 201, 0, 100, True),
+    ],
+)
+def test_of_hundreds_of_runs_that_disagree_a_sample_is_compared_with_all_mistakes_and_the_rest_with_common_ones(
+    runs: int, odd: int, reversed_: int, read: int, unread: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of odd runs, reversed_ of all, evenly spread, drive backward."""
+    data = [replace(RUN, id=f"r{k}") for k in range(runs)]
+    backward = {f"r{k}" for k in range(odd) if k * reversed_ % odd < reversed_}
+    kinds: tuple[Any, ...] = (None, "reversed", "mirrored")
+    asked: dict[str, list[Any]] = {}
+
+    def judged(ways: list[list[Alternative]], _: Any) -> list[Judgement]:
+        found = []
+        for of_run in ways:
+            run = of_run[0].run.id
+            asked[run] = [way.kind for way in of_run]
+            back = 0.1 if run in backward else 9.0
+            misfits = {None: 9.0 if int(run[1:]) < odd else 0.1, "reversed": back, "mirrored": 9.0}
+            found.append(Judgement(of_run, np.array([misfits[way.kind] for way in of_run]), 10.0, ()))
+        return found
+
+    monkeypatch.setattr(hypotheses, "_judgements", judged)
+    monkeypatch.setattr(hypotheses, "thinned", lambda run: run)
+    monkeypatch.setattr(hypotheses, "alternatives", lambda run, *_: [Alternative(kind, run, "x") for kind in kinds])
+    monkeypatch.setattr(hypotheses, "speed_factors", lambda data, _: [None] * len(data))
+    monkeypatch.setattr(hypotheses, "misfits_within_tolerances", lambda items, *_: [item.misfits_mm for item in items])
+    monkeypatch.setattr(hypotheses, "beyond_tolerances", lambda found, *_: found)
+    found = hypotheses.misread(data, [ROBOT] * runs)
+    assert sum(len(tried) > 1 for tried in asked.values()) == read
+    if reversed_ == runs:
+        assert {item.run for item in found.found} == backward
+        assert sum("mirrored" in tried for tried in asked.values()) == hypotheses.SAMPLE
+    assert found.unread.startswith(f"{odd} of {runs} runs do not move") == unread
+    assert bool(found.unread) == unread
+
+
 def test_a_run_of_another_frame_interval_has_another_rate_though_a_command_fits_a_little_better() -> None:
     ways = [
         Alternative(None, RUN),

@@ -204,6 +204,20 @@ def test_gaps_count_that_a_hand_can_use_within_one_command(
     assert (displacement_in_gap(with_gap((2.4, -3.2), begin, end), between) is not None) == seen
 
 
+@pytest.mark.parametrize(("every", "lost"), [(7, 0), (12, 0), (7, 1)])
+def test_frames_that_are_seldom_leave_no_gap_and_a_push_between_two_is_a_jump(every: int, lost: int) -> None:
+    """Of 8.6 and 5 frames a second, each farther from the next than a gap lasts; with one lost there is one."""
+    time = np.arange(0, 720, every) / RATE
+    marks = moving(time, 0.5, 0.1)
+    marks[30:] += np.tile([0.6, -0.8], 2)
+    keep = (np.arange(len(time)) < 30 - lost) | (np.arange(len(time)) >= 30)
+    run = recorded(marks[keep], time[keep], noise_mm=2e-3)
+    assert (displacement_in_gap(run, (0.0, 12.0)) is not None) == bool(lost)
+    found = jump(run)
+    assert found is not None
+    assert found == pytest.approx(((time[30] + time[29 - lost]) / 2, 1.0), rel=0.05)
+
+
 @pytest.mark.parametrize("phase", [0.0, 1.6, 3.1, 4.7])
 def test_a_ripple_of_the_wheels_is_no_push_over_a_gap(phase: float) -> None:
     """A speed of 8 mm/s that varies by 20 % every 1.3 s leaves up to a millimetre over 0.7 s, all along the run."""

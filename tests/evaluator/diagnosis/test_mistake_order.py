@@ -13,6 +13,7 @@ import pytest
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes import recognise as module
 from evaluator.diagnosis.mistakes.intervals import unlike
+from evaluator.diagnosis.mistakes.misread.hypotheses import Misread
 from evaluator.diagnosis.mistakes.motion import Motion
 from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from evaluator.interchange.commands import RunCommand
@@ -26,7 +27,7 @@ SEARCHES: dict[str, Kind] = {
     "copies": "duplicate",
     "wrong_scale": "wrong-unit",
     "repainted_runs": "wrong-robot",
-    "misread_runs": "reversed",
+    "misread": "reversed",
     "disturbed_runs": "stuck",
     "late_starts": "late-start",
 }
@@ -47,6 +48,7 @@ def searches(monkeypatch: pytest.MonkeyPatch, finds: Callable[[str, list[str]], 
 
     for name in SEARCHES:
         monkeypatch.setattr(module, name, search(name))
+    monkeypatch.setattr(module, "misread", lambda *given: Misread(search("misread")(*given)))
     monkeypatch.setattr(module, "standing_runs", lambda *_: {"r7"})
     return given
 
@@ -55,16 +57,16 @@ def test_each_search_is_given_the_runs_in_which_nothing_was_found_and_all_that_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """r7 stands: nothing tells what it was commanded. Logs, of r8 and r9, are read before anything else disturbs."""
-    given = searches(monkeypatch, lambda name, ids: ids[-1:] if (name, len(given)) == ("misread_runs", 4) else ids[:1])
+    given = searches(monkeypatch, lambda name, ids: ids[-1:] if (name, len(given)) == ("misread", 4) else ids[:1])
     data = [replace(driven(number), log=LOG if number > 7 else None) for number in range(10)]
     told = module.recognise(data, [ROBOT] * 10)
     assert given == [
         ("copies", [f"r{number}" for number in range(10)]),
         ("wrong_scale", [f"r{number}" for number in range(1, 10)]),
         ("repainted_runs", [f"r{number}" for number in range(2, 10)]),
-        ("misread_runs", ["r3", "r4", "r5", "r6", "r8", "r9"]),
+        ("misread", ["r3", "r4", "r5", "r6", "r8", "r9"]),
         ("disturbed_runs", ["r3", "r4", "r5", "r6", "r7", "r8"]),
-        ("misread_runs", ["r4", "r5", "r6", "r8"]),
+        ("misread", ["r4", "r5", "r6", "r8"]),
         ("late_starts", ["r5", "r6", "r8"]),
     ]
     assert {(item.runs[0], item.kind) for item in told} == {
@@ -81,7 +83,7 @@ def test_runs_that_hardly_move_are_read_if_most_do_and_one_factor_slows_them(
     monkeypatch.setattr(module, "standing_runs", lambda *_: {f"r{number}" for number in range(standing)})
     monkeypatch.setattr(module, "share_a_factor", lambda *_: alike)
     module.recognise([driven(number) for number in range(10)], [ROBOT] * 10)
-    assert [len(ids) for name, ids in given if name in ("misread_runs", "late_starts")] == [read] * 2
+    assert [len(ids) for name, ids in given if name in ("misread", "late_starts")] == [read] * 2
 
 
 @pytest.mark.parametrize(("wrong", "told"), [(8, 1), (7, 0)])
@@ -91,6 +93,15 @@ def test_of_a_robot_of_a_metre_only_copies_and_what_concerns_four_fifths_of_its_
     searches(monkeypatch, lambda name, ids: {"copies": ids[:1], "wrong_scale": ids[:wrong]}.get(name, []))
     found = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)
     assert [item.kind for item in found] == ["duplicate", *["wrong-unit"] * told]
+
+
+def test_that_most_of_hundreds_of_runs_are_not_read_wrongly_but_disagree_is_told_of_no_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    searches(monkeypatch, lambda *_: [])
+    monkeypatch.setattr(module, "misread", lambda *_: Misread([], "so many disagree"))
+    (told,) = module.recognise([driven(number) for number in range(3)], [ROBOT] * 3)
+    assert (told.runs, told.sentence, told.everywhere) == ((), "so many disagree", True)
 
 
 def test_moments_are_unlike_a_run_beyond_eight_of_its_own_standard_deviations() -> None:

@@ -71,6 +71,32 @@ def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -
 
 
 @pytest.mark.parametrize(
+    ("within", "holds", "asked"),
+    [
+        ((3.1, 0.1), True, 1),  # three times what the mistake misses as it is: it fits no worse within tolerances
+        ((2.9, 0.9), True, 2),
+        ((2.9, 1.0), False, 2),
+        ((np.inf, 1.0), True, 1),
+    ],
+)
+def test_a_mistake_is_fitted_within_tolerances_only_where_that_decides(
+    within: tuple[float, float], holds: bool, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted = iter(within)
+    tried: list[RunData] = []
+
+    def misfit(run: RunData, _: Any) -> float:
+        tried.append(run)
+        return next(fitted)
+
+    monkeypatch.setattr(belief, "misfit_within_tolerances", misfit)
+    ways = [Alternative(kind, recorded(np.zeros((9, 4)))) for kind in (None, "mirrored", "reversed")]
+    item = Judgement(ways, np.array([9.0, 0.5, 1.0]), 10.0, ())
+    assert is_beyond_tolerances(Found("r", "reversed", "", ""), item, TIRES) == holds
+    assert [run is ways[place].run for run, place in zip(tried, (0, 2), strict=False)] == [True] * asked
+
+
+@pytest.mark.parametrize(
     ("count", "wrong", "kept", "asked"),
     [
         (40, range(12, 40), 32, 5),  # four in five of 40 runs show it: five are tested, of which three hold

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import pandas as pd
@@ -9,8 +10,11 @@ import pytest
 from click.testing import CliRunner
 
 from evaluator.cli.first_steps.check import check
+from evaluator.diagnosis.experiment import session_of
 from evaluator.errors import InputError
+from evaluator.files.csv_tables import read_table
 from evaluator.settings import load_experiment
+from evaluator.workflow.checks import check_experiment
 from evaluator.workflow.editing.mending import write_mended
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 from tests.evaluator.diagnosis.hidden import COMMANDS, write_hidden
@@ -49,6 +53,19 @@ def spoilt(folder: Path) -> Path:
     for run, table in tables.items():
         table.to_csv(folder / f"{run}.csv", index=False)
     return path
+
+
+def test_a_check_reads_each_marks_file_once_and_says_the_mistakes_that_a_diagnosis_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, count = spoilt(tmp_path), Counter[Path]()
+    monkeypatch.setattr("evaluator.marks.read_table", lambda file: [count.update([file]), read_table(file)][1])
+    said = check_experiment(path).mistakes
+    assert set(count.values()) == {1}
+    assert len(count) == 16
+    experiment = load_experiment(path)
+    assert said == tuple(item.sentence for item in session_of(experiment, given_marks(experiment)).mistakes)
+    assert len(said) == 7
 
 
 def test_a_mended_experiment_shows_no_mistake_and_keeps_its_comments(tmp_path: Path) -> None:

@@ -130,8 +130,11 @@ def is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
     if is_full_size(robot):  # nobody knows the ground to a tolerance
         return True
     others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
-    stated, mistaken = (misfit_within_tolerances(item.ways[k].run, robot) for k in (0, int(np.nanargmin(others))))
-    return stated >= BETTER * mistaken
+    mistaken = int(np.nanargmin(others))
+    stated = misfit_within_tolerances(item.ways[0].run, robot)
+    if stated >= BETTER * item.misfits_mm[mistaken]:  # values within tolerances make the mistake fit better still
+        return True
+    return stated >= BETTER * misfit_within_tolerances(item.ways[mistaken].run, robot)
 
 
 def misfits_within_tolerances(

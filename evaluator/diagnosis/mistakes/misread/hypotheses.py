@@ -8,7 +8,9 @@ same ratio of wheel speeds. Physical effects cause neither.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -41,7 +43,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     Judgement,
     unsigned_speeds,
 )
-from evaluator.diagnosis.mistakes.recognised import Found, Kind
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -51,10 +53,30 @@ Floats = NDArray[np.float64]
 MISFIT_SHARE = 0.15
 MOST_AT_ONCE = 200  # runs whose hypotheses are simulated together: some 0.4 MB each, 7 MB with a hundred commands
 SAME_INTERVAL = 0.04  # relative difference of frame intervals that is ignored
+# Where nearly all of hundreds of runs disagree with their files, so many of them are compared with every hypothesis,
+# and the others with those that explain most of these: a mistake of MOST runs is in more than half of a sample of 100
+# but once in 10^10 (binomial). Every hypothesis on every run would take three times as long as all else.
+SAMPLE = 100
+
+
+@dataclass(frozen=True)
+class Misread:
+    """Runs that are read wrongly; unread: a sentence on those that disagree with their files for another reason.
+
+    unread is empty unless only a sample of them was compared with every hypothesis.
+    """
+
+    found: list[Found]
+    unread: str = ""
 
 
 def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that fit another command, or another interpretation of marks or times, much better than the file."""
+    return misread(data, robots).found
+
+
+def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
+    """The runs of misread_runs, and whether others were compared with their files alone."""
     thin = [thinned(run) for run in data]
     intervals = np.array([np.median(np.diff(run.time_s)) for run in data])
     ratios = intervals / np.median(intervals)
@@ -68,14 +90,26 @@ def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found
     least = _least_shares(judgements)
     odd = [item.share >= share for item, share in zip(judgements, least, strict=True)]
     within = misfits_within_tolerances(judgements, robots, odd)
-    judged = map(_judged, judgements, [_usual_kinds(judgements)] * len(data), least, within)
+    usual = _usual_kinds(judgements)
+    judged = map(_judged, judgements, [usual] * len(data), least, within)
     found = [item for item in judged if item is not None]
     if same and not one_rate_fits(judgements):
         found = [item for item in found if item.kind != "wrong-rate"]
     alike = late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
     found = without_regimes(beyond_the_others(found, judgements), judgements)
-    return beyond_tolerances(found, judgements, robots)
+    # runs that no common mistake can concern, as straight ones by exchanged sides, stay alone too, but not most
+    alone = sum(len(item.ways) == 1 for item, is_odd in zip(judgements, odd, strict=True) if is_odd)
+    unread = _unread(len(data), sum(odd)) if 2 * alone > max(sum(odd) - SAMPLE, 0) else ""
+    return Misread(beyond_tolerances(found, judgements, robots), unread)
+
+
+def _unread(runs: int, odd: int) -> str:
+    return (
+        f"{odd} of {runs} runs do not move as the robot file and their commands predict; {SAMPLE} of them, drawn "
+        "at random, were compared with all usual mistakes, of which none explains most of them; is it the file of this "
+        "robot?"
+    )
 
 
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
@@ -103,13 +137,35 @@ def _judged_runs(
     """
     judgements = _judgements([[Alternative(None, run)] for run in data], robots)
     least = _least_shares(judgements)
-    asked = [k for k, run in enumerate(data) if run.log is not None or not judgements[k].share < least[k]]
-    for first in range(0, len(asked), MOST_AT_ONCE):
-        some = asked[first : first + MOST_AT_ONCE]
-        found = _judgements([ways_of(k) for k in some], [robots[k] for k in some])
-        for k, judgement in zip(some, found, strict=True):
-            judgements[k] = judgement
+
+    def judge(runs: Sequence[int], kinds: Collection[Kind] | None = None) -> None:
+        """Judge runs by all hypotheses, or by those of some kinds."""
+        for first in range(0, len(runs), MOST_AT_ONCE):
+            some = runs[first : first + MOST_AT_ONCE]
+            ways = [[way for way in ways_of(k) if not kinds or way.kind in (None, *kinds)] for k in some]
+            for k, judgement in zip(some, _judgements(ways, [robots[k] for k in some]), strict=True):
+                judgements[k] = judgement
+
+    odd = [k for k in range(len(data)) if not judgements[k].share < least[k]]
+    judge([k for k in range(len(data)) if data[k].log is not None])
+    asked = [k for k in odd if data[k].log is None]
+    if len(asked) <= MOST_AT_ONCE or len(odd) < MOST * len(data):
+        judge(asked)
+        return judgements
+    # at random, because commands often recur after so many runs; with one seed, so that a check says the same again
+    sample = sorted(np.random.default_rng(0).choice(asked, SAMPLE, replace=False).tolist())
+    judge(sample)
+    if common := _common_kinds([judgements[k] for k in sample], [least[k] for k in sample]):
+        judge([k for k in asked if k not in set(sample)], common)
     return judgements
+
+
+def _common_kinds(judgements: Sequence[Judgement], least: Sequence[float]) -> set[Kind]:
+    """Kinds of mistake that more than half of the runs fit, alone or as well as others."""
+    usual = _usual_kinds(judgements)
+    found = [_judged(item, usual, share) for item, share in zip(judgements, least, strict=True)]
+    counts = Counter(kind for item in found if item is not None for kind in (item.kind, *item.equivalent))
+    return {kind for kind, count in counts.items() if 2 * count > len(judgements)}
 
 
 def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
