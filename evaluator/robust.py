@@ -1,11 +1,18 @@
-"""The spread of values among which a few may be outliers."""
+"""Middle and spread of values among which a few may be outliers."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 PER_MEDIAN = 1.4826  # standard deviation of a normal distribution over its median absolute deviation: 1/Φ⁻¹(3/4)
+
+
+def median_of_rows(values: ArrayLike) -> NDArray[np.float64]:
+    """The median over the first axis of finite values, as of np.median, which takes ten times as long for few rows."""
+    ordered = np.sort(np.asarray(values, dtype=float), axis=0)
+    middle = len(ordered) // 2
+    return np.asarray(ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2)
 
 
 def robust_sigma(values: ArrayLike) -> float:

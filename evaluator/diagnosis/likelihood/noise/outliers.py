@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.robust import PER_MEDIAN
+from evaluator.robust import PER_MEDIAN, median_of_rows
 
 Floats = NDArray[np.float64]
 
@@ -37,9 +37,9 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
         # halfway between frames as far before as after: of a straight path, whatever its speed, the place itself
         longer = _continued(points, half)
         pairs = [(longer[half - j :][:count] + longer[half + j :][:count]) / 2 for j in range(1, half + 1)]
-        said = np.median(pairs, axis=0)
+        said = median_of_rows(pairs)
         off = points - said
-        sigma = PER_MEDIAN * np.median(np.abs(off - np.median(off, axis=0)), axis=0) + LEAST_SIGMA_MM
+        sigma = PER_MEDIAN * median_of_rows(np.abs(off - median_of_rows(off))) + LEAST_SIGMA_MM
         # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
         step = np.percentile(np.abs(np.diff(said, axis=0)), 95, axis=0)
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
@@ -53,7 +53,7 @@ def _continued(points: Floats, frames: int) -> Floats:
     The ends themselves are not used, so that a jump in the first or the last frame is detected.
     """
     before, after = (
-        2 * np.median([2 * path[j] - path[2 * j] for j in ENDS_FROM], axis=0) - path[frames:0:-1]
+        2 * median_of_rows([2 * path[j] - path[2 * j] for j in ENDS_FROM]) - path[frames:0:-1]
         for path in (points, points[::-1])
     )
     return np.concatenate([before, points, after[::-1]])
