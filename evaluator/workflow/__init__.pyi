@@ -1,6 +1,7 @@
 from .analysis import Analysis as Analysis
 from .analysis import analyze as analyze
 from .analysis import compare as compare
+from .analysis import measure as measure
 from .analysis import pending as pending
 from .calibration import Calibrated as Calibrated
 from .calibration import calibrate as calibrate
@@ -53,6 +54,7 @@ from .editing.values import set_gauge_value as set_gauge_value
 from .editing.values import set_robot_value as set_robot_value
 from .execution.machine import PROCESSES as PROCESSES
 from .execution.machine import available_cores as available_cores
+from .execution.machine import prepare_processes as prepare_processes
 from .exporting import export as export
 from .frames.decoder import Decoder as Decoder
 from .frames.decoder import Wanted as Wanted
@@ -67,6 +69,7 @@ from .rendering import render_scene as render_scene
 from .rendering import render_scenes as render_scenes
 from .results.outputs import Outputs as Outputs
 from .runs.budget import budget_of as budget_of
+from .samples import copy_samples as copy_samples
 from .selftest.run import SelfTest as SelfTest
 from .selftest.run import self_test as self_test
 from .simulation import export_robot as export_robot

@@ -104,12 +104,8 @@ def analyze(
     as_found |= AsFound.of(inputs)
     jobs = jobs_of(described, outputs, simulate=simulate)
     results = results_of(jobs, workers, dask, progress)
-    faults = {run.id: fault for run in described.run if (fault := results[run.id].fault)}
-    if len(faults) == len(jobs):
-        raise InputError(_nothing_left(faults))
-    turning = _table(
-        described, [results[run.id].turning or ({"radius_status": faults[run.id]},) for run in described.run]
-    )
+    faults = _faults(described, results)
+    turning = _turning(described, results, faults)
     write_table(turning, outputs.turning)
     comparison = None
     if simulate:
@@ -142,6 +138,37 @@ def compare(
     return analyze(
         experiment, out, simulate=True, workers=workers, dask=dask, progress=progress, command_line=command_line
     )
+
+
+def measure(
+    experiment: Path | str, out: Path | str = "out", *, workers: int | None = None, progress: Progress = no_progress
+) -> Analysis:
+    """Measure every run of an experiment.toml without what compares runs with the model: a first part of `analyze`.
+
+    Writes marks/ and poses/ below out, which `analyze` and `compare` reuse; the tables are not written, and mistakes
+    are not sought. Raises InputError as `analyze` does.
+    """
+    described, outputs = read_with(load_experiment, Path(experiment)), Outputs(Path(out))
+    results = results_of(jobs_of(described, outputs, simulate=False), workers, progress=progress)
+    faults = _faults(described, results)
+    turning = _turning(described, results, faults)
+    empty = turning.iloc[:0]
+    reused = sum(result.reused for result in results.values())
+    return Analysis(described, outputs, turning, empty, empty, None, faults, {}, reused)
+
+
+def _faults(experiment: Experiment, results: dict[str, RunResult]) -> dict[str, str]:
+    """Reasons of the runs without results. Raises InputError if that is all of them."""
+    faults = {run.id: fault for run in experiment.run if (fault := results[run.id].fault)}
+    if len(faults) == len(experiment.run):
+        raise InputError(_nothing_left(faults))
+    return faults
+
+
+def _turning(experiment: Experiment, results: dict[str, RunResult], faults: dict[str, str]) -> pd.DataFrame:
+    """Rows of turning.csv; a run without results has its reason as status."""
+    rows = [results[run.id].turning or ({"radius_status": faults[run.id]},) for run in experiment.run]
+    return _table(experiment, rows)
 
 
 def _text_of(path: Path) -> str:

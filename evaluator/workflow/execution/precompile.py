@@ -7,29 +7,33 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from threading import Thread
 
 from evaluator.mark_geometry import MarkGeometry
-from evaluator.workflow.execution.machine import PROCESSES
+from evaluator.workflow.execution.machine import PROCESSES, available_cores
 
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
 
 
-def precompile(video: Path) -> None:
-    """Start processes that compile kernels for an analysis that are not on disk; they end with this one at the latest.
+def precompile(video: Path) -> bool:
+    """Start processes that compile the kernels of the demo that are not on disk; they end with this one at the latest.
 
-    video: a recording for a trial of the tracker. If a kernel of the simulator is needed earlier, its caller waits.
+    video: a recording for a trial of the tracker. If a kernel is needed earlier, its caller waits. Returns whether
+    processes were necessary.
     """
     from calibration.compilation import is_cached
     from simulator.integrator.batch import integrate_some
 
     if is_cached(integrate_some):
-        return
+        return False
+    works = (assign_dots, partial(measure_turn, video), simulate_run, find_steady_turn)
     # In a thread: the first process waits until the libraries are imported.
-    Thread(target=_start, args=(simulate_run, partial(measure_turn, video)), daemon=True).start()
+    Thread(target=_start, args=works, daemon=True).start()
+    return True
 
 
 def precompile_tracker() -> None:
@@ -45,16 +49,42 @@ def precompile_tracker() -> None:
 
 
 def _start(*works: Callable[[], None]) -> None:
-    for work in works:
-        PROCESSES.Process(target=_quietly, args=(work,), daemon=True).start()
+    """Do works that are listed in the order in which they are needed, in a process for each core but this one's.
+
+    With more processes than cores, the first kernels that this process waits for would be ready later.
+    """
+    others = max(available_cores() - 1, 1)
+    for first in range(min(others, len(works))):
+        PROCESSES.Process(target=_quietly, args=works[first::others], daemon=True).start()
 
 
-def _quietly(work: Callable[[], None]) -> None:
-    """Work and ignore errors: they occur again, with their location, when a kernel is needed."""
+def _quietly(*works: Callable[[], None]) -> None:
+    """Do works in turn and ignore errors: they occur again, with their location, when a kernel is needed."""
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
-    work()
+    for work in works:
+        with suppress(Exception):
+            work()
+
+
+def assign_dots() -> None:
+    """Call the kernels that follow the fit of the dots in a gauge image.
+
+    The fit takes about half of the time; the calling process compiles it at the same time.
+    """
+    import numpy as np
+
+    from calibration.assignment.growth import bucket, grow
+    from calibration.detection.noise_correlation import SAMPLE, correlation_factors
+
+    dot = np.array([20.0, 20.0, 0.04, 0.0, 0.04, 1.0, 1.0, -1.0, 0.0, 0.0])  # of radius 5 px, see ellipse_fit
+    correlation_factors(
+        np.zeros((41, 41), np.float32), np.tile(dot, (SAMPLE, 1)), np.full(SAMPLE, 3.0), np.ones(SAMPLE)
+    )
+    place, none = np.zeros((1, 2)), np.zeros(1, np.bool_)
+    cells, following, origin = bucket(place, 1.0)
+    grow(place, 0, np.ones(4), none, none, cells, following, 1.0, origin)
 
 
 def measure_mark() -> None:
@@ -90,6 +120,14 @@ def simulate_run() -> None:
     robot, command, times_s = load_robot("barrel"), Command.constant(33.3, 14.4), np.linspace(0.0, 1.0, 61)
     simulate(robot, command, times_s).to_table()
     simulate_batch([robot], [command], times_s)
+
+
+def find_steady_turn() -> None:
+    """Find the turn on which a robot settles, as a report does."""
+    from simulator.robot import load_robot
+    from simulator.steady import steady_turn
+
+    steady_turn(load_robot("barrel"), 33.3, 14.4)
 
 
 def measure_turn(video: Path) -> None:

@@ -140,9 +140,16 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
     solved = SimpleNamespace(
         calibration=SimpleNamespace(views=[1, 2], rms_px=0.00234), verdict=SimpleNamespace(summary="sound")
     )
-    samples = SimpleNamespace(calibrated=solved, experiment=Path("s/e.toml"), puzzle=Path("s/p.toml"))
+    samples = SimpleNamespace(calibrated=solved, experiment=Path("s/e.toml"), puzzle=Path("s/p.toml"), compiling=False)
+    copied: Called = stub("evaluator.workflow.copy_samples", Path("s/e.toml"))
+    stub("evaluator.workflow.prepare_processes")
     stub("evaluator.workflow.prepare_samples", samples)
     asked: list[Any] = []
+    monkeypatch.setattr(
+        "evaluator.workflow.measure",
+        lambda experiment, out, *, workers, **_: asked.append((str(experiment), str(out), workers)),
+    )
+    monkeypatch.setattr("evaluator.cli.measurement.analyze.turning_text", lambda *_, **__: "two\nradii")
 
     def analysed(options: Any, *, simulate: bool, notes: bool = True) -> Any:
         asked.append((str(options.experiment), str(options.out), simulate, notes, options.workers))
@@ -154,8 +161,11 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
     reports: Called = stub("evaluator.report.build.write_report")
     stub("evaluator.workflow.diagnose", answer())
     done = run("demo")
+    assert copied[0][0] == (Path("turnscope-demo/samples"),)
+    assert "for example s/turn-33-5.mp4\n" in done.stdout
     assert "  2 images, residual 0.002 px RMS; sound\n" in done.stdout
-    assert "  a table\n  of two lines\n" in done.stdout
+    assert "  two\n  radii\n" in done.stdout
+    assert "  a table\n  of two lines\n  turnscope-demo/results/report.html\n" in done.stdout
     assert "Puzzle" in done.stdout
     assert "\n  Nothing is missing" in done.stdout
     assert (
@@ -163,13 +173,21 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
     )
     assert done.return_value == 1
     assert asked == [
+        ("s/e.toml", "turnscope-demo/results", None),
+        ("s/p.toml", "turnscope-demo/puzzle", None),
         ("s/e.toml", "turnscope-demo/results", True, True, None),
         ("s/p.toml", "turnscope-demo/puzzle", True, False, None),
     ]
     assert len(reports) == 2
     alone = run("demo", "--no-puzzle", "-q", "-o", "there", "--workers", "2")
     assert (alone.stdout, alone.return_value, len(reports)) == ("", 0, 3)
-    assert asked[2] == ("s/e.toml", "there/results", True, True, 2)
+    assert asked[4:] == [("s/e.toml", "there/results", 2), ("s/e.toml", "there/results", True, True, 2)]
+    samples.compiling = True  # a core is left to the compiler while recordings are measured
+    for cores, given, measuring in ((8, (), 7), (1, (), 1), (8, ("--workers", "8"), 8)):
+        monkeypatch.setattr("evaluator.workflow.available_cores", lambda cores=cores: cores)
+        run("demo", "--no-puzzle", *given)
+        assert asked[-2][2] == measuring
+        assert asked[-1][4] == (8 if given else None)
 
 
 def test_a_track_says_in_how_many_frames_each_mark_is_seen_and_writes_the_images_asked_for(

@@ -9,7 +9,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.progress import Cancelled
-from evaluator.workflow import Analysis, analyze, pending
+from evaluator.workflow import Analysis, analyze, measure, pending
 from evaluator.workflow.checks import check_experiment
 from simulator.nominal_robot import WHEELS
 from tests.evaluator.synthetic import circling_marks, three_runs, write_experiment
@@ -47,6 +47,20 @@ def test_a_second_analysis_reuses_everything_and_changes_nothing(analysed: tuple
     second = analyze(experiment, first.outputs.folder, simulate=True, workers=1)
     assert second.reused == 3
     assert contents(second.outputs.folder) == before
+
+
+def test_runs_measured_first_have_the_same_radii_and_leave_only_the_simulation_to_do(
+    analysed: tuple[Path, Analysis], tmp_path: Path
+) -> None:
+    experiment, whole = analysed
+    first = measure(experiment, tmp_path / "out", workers=1)
+    assert first.comparison is None
+    assert first.reused == 0
+    pd.testing.assert_frame_equal(first.turning, whole.turning)
+    assert not first.outputs.turning.exists()
+    assert set(map(tuple, pending(experiment, tmp_path / "out", simulate=True).values())) == {("simulate",)}
+    after = analyze(experiment, tmp_path / "out", simulate=True, workers=1)
+    assert contents(after.outputs.folder) == contents(whole.outputs.folder)
 
 
 def test_wheels_of_every_run_have_their_slips_beside_the_simulated_ones(analysed: tuple[Path, Analysis]) -> None:

@@ -124,7 +124,7 @@ def test_the_camera_of_the_samples_is_that_of_their_gauge_images(
         (tmp_path / name).touch()
     found = SimpleNamespace(save=saved.append)
     monkeypatch.setattr(demo, "copy_samples", lambda folder: folder / "experiment.toml")
-    monkeypatch.setattr(demo, "precompile", lambda video: asked.append(video.name))
+    monkeypatch.setattr(demo, "precompile", lambda video: asked.append(video.name) or True)
     monkeypatch.setattr(
         demo, "calibrate", lambda images, gauge, **_: asked.append(([one.name for one in images], gauge.name)) or found
     )
@@ -132,6 +132,7 @@ def test_the_camera_of_the_samples_is_that_of_their_gauge_images(
     assert asked == ["turn-33-5.mp4", (["gauge-1.png", "gauge-2.png"], "gauge.toml")]
     assert saved == [tmp_path / "camera.json"]
     assert (ready.experiment, ready.puzzle) == (tmp_path / "experiment.toml", tmp_path / "puzzle" / "experiment.toml")
+    assert ready.compiling is True
 
 
 @pytest.mark.parametrize("kind", ["mjcf", "sdf"])

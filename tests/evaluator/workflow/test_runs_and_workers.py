@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing.connection
 from pathlib import Path
 from types import SimpleNamespace
@@ -107,8 +108,34 @@ def test_what_compiles_ahead_says_nothing(monkeypatch: pytest.MonkeyPatch) -> No
     done: list[Any] = []
     monkeypatch.setattr(precompile.os, "open", lambda *_: 9)
     monkeypatch.setattr(precompile.os, "dup2", lambda *said: done.append(said))
-    precompile._quietly(lambda: done.append("worked"))
+    precompile._quietly(lambda: done.append(1 / 0), lambda: done.append("worked"))
     assert done == [(9, 1), (9, 2), "worked"]
+
+
+def _collecting() -> tuple[tuple[int, ...], int]:
+    return gc.get_threshold(), gc.get_freeze_count()
+
+
+def test_a_process_collects_garbage_as_seldom_as_its_parent_and_not_among_imports() -> None:
+    before = gc.get_threshold()
+    gc.set_threshold(54_321, 11, 12)
+    try:
+        with machine.worker_pool(1) as pool:
+            threshold, frozen = pool.submit(_collecting).result()
+    finally:
+        gc.set_threshold(*before)
+    assert threshold == (54_321, 11, 12)
+    assert frozen > 100_000
+
+
+def test_processes_are_prepared_by_starting_the_fork_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[str] = []
+    monkeypatch.setattr("multiprocessing.forkserver.ensure_running", lambda: started.append("fork server"))
+    monkeypatch.setattr(machine.sys, "platform", "linux")
+    machine.prepare_processes()
+    monkeypatch.setattr(machine.sys, "platform", "darwin")
+    machine.prepare_processes()
+    assert started == ["fork server"]
 
 
 def test_a_run_may_have_a_robot_and_a_camera_of_its_own_in_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
