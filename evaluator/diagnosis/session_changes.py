@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,18 @@ def friction_change(left: Adequacy, runs: Sequence[int], data: Sequence[RunData]
         return FrictionChange(tuple(which[found[0] + 1 :].tolist()), found[1], once=True)
     slope = float(np.polyfit(order, values, 1, w=weights)[0])
     return FrictionChange(tuple(which.tolist()), slope * float(np.ptp(order)), once=False)
+
+
+def without_change(left: Adequacy, runs: Sequence[int], changed: FrictionChange) -> Adequacy:
+    """The adequacy of a fit without a friction that changes once, so that the runs before are not unlike those after.
+
+    left, runs: see friction_change. An estimate is shrunk by the share that its run determines, and so is the change.
+    """
+    effects = left.random_effects.copy()
+    after = np.isin(runs, changed.runs)
+    number = SCATTER.index("friction")
+    effects[after, number] -= left.shares[after, number] * changed.change
+    return replace(left, random_effects=effects)
 
 
 def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:

@@ -6,7 +6,7 @@ from evaluator.diagnosis.assessment.adequacy import unlike_runs
 from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
 from evaluator.diagnosis.result import Diagnosis
-from evaluator.diagnosis.session_changes import FrictionChange, friction_change
+from evaluator.diagnosis.session_changes import FrictionChange, friction_change, without_change
 
 WHEELS = {"left_gain": "the left wheels turn", "right_gain": "the right wheels turn"}
 
@@ -17,8 +17,11 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
         return []
     changed = friction_change(diagnosis.leftover, diagnosis.fit.runs, diagnosis.session.data)
     found = [] if changed is None else [_over_session(changed, diagnosis)]
-    for item in unlike_runs(diagnosis.leftover, diagnosis.fit.runs):
-        if item.what == "friction" and changed is not None:  # the runs before a change are unlike those after it
+    left = diagnosis.leftover
+    if changed is not None and changed.once:
+        left = without_change(left, diagnosis.fit.runs, changed)
+    for item in unlike_runs(left, diagnosis.fit.runs):
+        if item.what == "friction" and changed is not None and set(item.runs) <= set(changed.runs):
             continue
         percent = 100 * item.change
         if item.what in WHEELS and abs(percent) <= diagnosis.session.relevant.speed_percent:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.diagnosis.assessment.adequacy import Unlike
+from evaluator.diagnosis.assessment.adequacy import Adequacy, Unlike
 from evaluator.diagnosis.assessment.gap import Gap
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
@@ -271,12 +271,15 @@ def test_runs_unlike_the_others_are_told_with_sign_and_size(
 def test_friction_that_changes_over_the_session_is_told_once(
     change: FrictionChange, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        unlike_runs, "unlike_runs", lambda *_: [Unlike((0,), "friction", 0.2), Unlike((2,), "friction", -0.2)]
-    )
+    asked: list[Adequacy] = []
+    found = [Unlike((2,), "friction", -0.2)]
+    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda left, _: asked.append(left) or found)
     monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: change)
     session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
     fit = SimpleNamespace(runs=(0, 1, 2))
-    (told,) = unlike_runs.unlike(SimpleNamespace(leftover=0, follows=True, verdict="none", session=session, fit=fit))  # type: ignore[arg-type]
+    left = Adequacy(1.0, 0.0, np.ones(3), np.zeros((3, 4)), np.ones((3, 4)), 1.0, "")
+    (told,) = unlike_runs.unlike(SimpleNamespace(leftover=left, follows=True, verdict="none", session=session, fit=fit))  # type: ignore[arg-type]
     assert told["sentence"].startswith(said)
     assert told["runs"] == [f"r{run}" for run in change.runs]
+    # A change that is told once does not make the runs before it unlike those after.
+    assert asked[0].random_effects[:, 0] == pytest.approx([0, 0.153, 0.153] if change.once else [0, 0, 0])

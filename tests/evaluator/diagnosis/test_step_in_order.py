@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from evaluator.diagnosis.assessment.adequacy import Adequacy, _order
+from evaluator.diagnosis.assessment.adequacy import Adequacy, _order, unlike_runs
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.session_changes import DRIFT, _least_line, friction_change, step_in_speed, step_over_line
+from evaluator.diagnosis.session_changes import (
+    DRIFT,
+    _least_line,
+    friction_change,
+    step_in_speed,
+    step_over_line,
+    without_change,
+)
 
 ORDER = np.arange(16.0)
 # Speeds of 16 runs of a laboratory's simulation, percent, a hundredth slower from the ninth on; the seventh is unlike.
@@ -124,6 +131,18 @@ def test_friction_of_a_plate_wiped_after_five_runs_is_told_with_place_and_size()
     assert found is not None
     assert (found.runs, found.once) == (tuple(range(5, 14)), True)
     assert found.change == pytest.approx(-0.15, abs=0.03)
+
+
+def test_runs_before_a_change_are_not_unlike_those_after_it_but_a_dirty_one_is() -> None:
+    friction = np.where(np.arange(14) > 1, -0.2, 0.0) + SCATTER_OF_FRICTION / 10
+    friction[9] += 0.1
+    left = with_friction(friction)
+    changed = friction_change(left, range(14), RUNS)
+    assert changed is not None
+    assert (changed.runs, changed.once) == (tuple(range(2, 14)), True)
+    assert {0, 1} <= {run for item in unlike_runs(left, range(14)) for run in item.runs}
+    (found,) = unlike_runs(without_change(left, range(14), changed), range(14))
+    assert (found.runs, found.what) == ((9,), "friction")
 
 
 def test_friction_of_a_plate_that_gathers_dust_is_told_from_the_first_run_to_the_last() -> None:
