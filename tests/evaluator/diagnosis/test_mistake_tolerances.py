@@ -97,16 +97,20 @@ def test_a_mistake_is_fitted_within_tolerances_only_where_that_decides(
 
 
 @pytest.mark.parametrize(
-    ("count", "wrong", "kept", "asked"),
+    ("count", "commands", "wrong", "kept", "asked"),
     [
-        (40, range(12, 40), 32, 5),  # four in five of 40 runs show it: five are tested, of which three hold
-        (40, range(20, 40), 0, 5),
-        (41, range(20, 40), 12, 32),
-        (4, (0, 2, 3), 3, 4),
+        (40, 32, range(12, 40), 32, 5),  # four in five of 40 runs show it: five are tested, of which three hold
+        (40, 32, range(20, 40), 0, 5),
+        (41, 32, range(20, 40), 12, 32),
+        (4, 4, (0, 2, 3), 3, 4),
+        (41, 1, range(12, 40), 32, 5),  # so are runs of one command
+        (41, 1, range(20, 40), 0, 5),
+        (41, 2, range(20, 40), 12, 32),  # 16 of each are few
+        (99, 1, range(20, 40), 0, 5),
     ],
 )
-def test_a_few_runs_stand_for_all_of_a_kind_that_most_show(
-    count: int, wrong: Collection[int], kept: int, asked: int, monkeypatch: pytest.MonkeyPatch
+def test_a_few_runs_stand_for_all_of_a_kind_that_most_show_or_many_of_one_command(
+    count: int, commands: int, wrong: Collection[int], kept: int, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tested: list[str] = []
 
@@ -115,7 +119,8 @@ def test_a_few_runs_stand_for_all_of_a_kind_that_most_show(
         return int(item.run) in wrong
 
     monkeypatch.setattr(belief, "is_beyond_tolerances", holds)
-    seen: Any = [SimpleNamespace(ways=[SimpleNamespace(run=SimpleNamespace(id=str(k)))]) for k in range(count)]
+    runs = [SimpleNamespace(id=str(k), log=None, command=(k % commands, 1)) for k in range(count)]
+    seen: Any = [SimpleNamespace(ways=[SimpleNamespace(run=run)]) for run in runs]
     found = [Found(str(k), "reversed", "", "") for k in range(min(count, 32))]
     assert len(belief.beyond_tolerances(found, seen, [TIRES] * count)) == kept
     assert len(tested) == asked
@@ -132,6 +137,7 @@ KINDS: tuple[Any, ...] = (None, "reversed", "sides-swapped", "mirrored", "wrong-
         ({"reversed": 1.0, "sides-swapped": 4.5, None: 12.0}, 1, (9.0, 1.0, 4.0, 5.0, 3.1), KINDS[1:3]),
         ({}, 0, (9.0, 3.5, 4.0, 5.0, 3.1), ()),
         ({}, 2, (9.0, 3.5, 4.0, 5.0, 3.1), ()),  # most runs are odd
+        ({}, -1, (9.0, 3.5, 4.0, 5.0, 3.1), ()),  # more than are varied
     ],
 )
 def test_readings_are_tried_within_tolerances_nearest_first_while_they_fit_three_times_better_than_the_file(
@@ -148,7 +154,9 @@ def test_readings_are_tried_within_tolerances_nearest_first_while_they_fit_three
     monkeypatch.setattr(belief, "misfit_within_tolerances", fitted)
     ways = [Alternative(kind, run) for kind, run in runs.items()]
     one = Judgement(ways, np.array([9.0, 3.5, 4.0, 5.0, 3.1]), 10.0, ())
-    found = belief.misfits_within_tolerances([one] * 3, [TIRES] * 3, [number < odd for number in range(3)])
+    if odd < 0:
+        monkeypatch.setattr(belief, "MOST_VARIED", 0)
+    found = belief.misfits_within_tolerances([one] * 3, [TIRES] * 3, [number < abs(odd) for number in range(3)])
     assert found[0].tolist() == list(misfits)
     assert found[2].tolist() == one.misfits_mm.tolist() == [9.0, 3.5, 4.0, 5.0, 3.1]
     assert tried == [*asked, *([None] if None in within else [])]

@@ -22,7 +22,9 @@ from evaluator.diagnosis.mistakes.recognised import MOST, Correction, Found
 from simulator.robot import Robot
 
 NEAR_S = 0.15  # offsets of logs that differ by less are equal: neighbours among the tried ones
-TESTED = 5  # runs of a kind of mistake that most runs show whose values are varied, a tenth of a second each
+# Runs whose values are varied, a twentieth of a second each: of a kind of mistake that most runs show, and of one that
+# MANY runs of one command show, which are alike but for noise. Of more than MOST_VARIED odd runs none is.
+TESTED, MANY, MOST_VARIED = 5, 20, 400
 
 
 def one_rate_fits(judgements: Sequence[Judgement]) -> bool:
@@ -108,20 +110,34 @@ def without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> 
 
 
 def beyond_tolerances(found: Sequence[Found], judgements: Sequence[Judgement], robots: Sequence[Robot]) -> list[Found]:
-    """The findings that hold with values within their tolerances; a few stand for all of a kind that most runs show."""
+    """The findings that hold with values within their tolerances.
+
+    A few stand for all of a kind that most runs show, and for many runs of one command that have the same mistake.
+    """
     place = {item.ways[0].run.id: k for k, item in enumerate(judgements)}
 
     def holds(item: Found) -> bool:
         return is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])
 
+    def held(alike: Sequence[Found], many: int) -> list[Found]:
+        """Those that hold; of many, all if most of a few do."""
+        if len(alike) < many:
+            return [item for item in alike if holds(item)]
+        few = [alike[k] for k in np.linspace(0, len(alike) - 1, TESTED).astype(int)]
+        return list(alike) if 2 * sum(map(holds, few)) > len(few) else []
+
     kept: list[Found] = []
     for kind in dict.fromkeys(item.kind for item in found):
         of_kind = [item for item in found if item.kind == kind]
-        if len(of_kind) >= max(MOST * len(judgements), TESTED):
-            some = [of_kind[k] for k in np.linspace(0, len(of_kind) - 1, TESTED).astype(int)]
-            kept += of_kind if 2 * sum(map(holds, some)) > len(some) else []
-        else:
-            kept += filter(holds, of_kind)
+        if len(of_kind) >= MOST * len(judgements):
+            kept += held(of_kind, TESTED)
+            continue
+        groups: dict[object, list[Found]] = {}
+        for item in of_kind:
+            right = None if item.correction is None else _command_of(item.correction)
+            groups.setdefault((_command_of(judgements[place[item.run]].ways[0].run), right), []).append(item)
+        runs = {item.run for alike in groups.values() for item in held(alike, MANY)}
+        kept += [item for item in of_kind if item.run in runs]
     return kept
 
 
@@ -144,9 +160,9 @@ def misfits_within_tolerances(
 
     Otherwise a right hypothesis fits hardly better than others where such values bend the path. Hypotheses are tried,
     nearest first, as long as they then fit several times better than the file, which is tried last. Unchanged if more
-    than half of the runs are odd: that is physics, or a mistake of the session.
+    than half of the runs, or hundreds, are odd: that is physics, or a mistake of the session.
     """
-    if 2 * sum(odd) > len(odd) or any_full_size(robots):
+    if 2 * sum(odd) > len(odd) or sum(odd) > MOST_VARIED or any_full_size(robots):
         return [item.misfits_mm for item in judgements]
     found = []
     for item, robot, is_odd in zip(judgements, robots, odd, strict=True):
