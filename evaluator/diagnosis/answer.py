@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, mate
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.search_runs import name_what_is_off, rank_named
-from evaluator.diagnosis.session_changes import step_in_speed
+from evaluator.diagnosis.session_changes import DRIFT, step_in_speed
 from simulator.effects.coordinates import Candidate
 
 
@@ -60,7 +60,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict != "unknown":
         material = beyond_noise(search.problem, search.fits[chosen]) > session.relevant.path_noise_floors
         reserve = doubts(left, constant, material=material)
-        reserve = reserve or step_in_speed(search.fits[chosen], left, session.data)
+        reserve = reserve or step_for_drift(search, chosen, session)
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
         reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:
@@ -74,6 +74,19 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
+
+
+def step_for_drift(search: Search, chosen: Set, session: Session) -> str:
+    """A single step of the speed that the chosen set approximates by a drift, in words; empty if there is none.
+
+    The fit without the drift is asked, too. With it, values within their tolerances (marks that are off sideways make
+    left turns slower and right turns faster) adjust until the speeds of the runs follow a line.
+    """
+    if DRIFT not in chosen:
+        return ""
+    fits = [search.fits[ids] for ids in (chosen, chosen - {DRIFT}) if ids in search.fits]
+    said = (step_in_speed(fit, adequacy(fit, session.data), session.data) for fit in fits)
+    return next(filter(None, said), "")
 
 
 def too_few_runs(search: Search, ids: Set, session: Session) -> str:

@@ -73,17 +73,15 @@ def step_in_speed(fit: Fit, left: Adequacy, data: Sequence[RunData]) -> str:
     """The runs between which the speed changes once, in words; empty if it drifts or the runs do not determine it.
 
     A drift also approximates a single step (another day, another battery), because the scatter between runs includes
-    the difference. Therefore a step and a line are compared for the speeds of the runs. left: adequacy of the fit.
-    data: all runs of the session.
+    the difference. Therefore a step and a line are compared for the speeds of the runs. fit: with or without a drift.
+    left: adequacy of the fit. data: all runs of the session.
     """
-    if DRIFT not in fit.terms:
-        return ""
     share = left.shares[:, 1:3].sum(axis=1)
     seen = share > 2 * LEAST_SHARE
     order = np.array([data[run].order for run in fit.runs], dtype=np.float64)
     # estimated gains of a run are shrunk by the share that the run determines
     gain = left.random_effects[:, 1:3].sum(axis=1) / np.maximum(share, LEAST_SHARE)
-    speed = gain + fit.point.terms[DRIFT][0] * order
+    speed = gain + (fit.point.terms[DRIFT][0] * order if DRIFT in fit.terms else 0.0)
     runs = [data[run] for run, is_seen in zip(fit.runs, seen, strict=True) if is_seen]
     found = step_over_line(order[seen], speed[seen], np.sqrt(share[seen]))
     if found is None or found[2] < STEP_ODDS:

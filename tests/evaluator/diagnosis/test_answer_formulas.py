@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
-from evaluator.diagnosis.answer import Answer, answer, too_few_runs
+from evaluator.diagnosis.answer import Answer, answer, step_for_drift, too_few_runs
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.settings import Relevant
@@ -67,7 +67,7 @@ def answered(
         "constancy": constant,
         "beyond_noise": lambda *_: beyond,
         "doubts": doubts,
-        "step_in_speed": lambda *_: step,
+        "step_for_drift": lambda *_: step,
         "too_few_runs": lambda *_: few,
         "knowledge": lambda *_: (SimpleNamespace(is_finding=finding),),
         "together": lambda *_: SimpleNamespace(is_finding=False),
@@ -123,6 +123,25 @@ def test_a_reserve_makes_an_answer_unknown_with_the_most_probable_form(
 ) -> None:
     found = answered(monkeypatch, (A, verdict), reserve=reserve, step=step)
     assert (found.verdict, found.reason, found.chosen) == ("unknown", reserve or step, FREE | A)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "fits", "said"),
+    [
+        ({"speed-drift", "a"}, {"with": "", "without": "step"}, "step"),
+        ({"speed-drift", "a"}, {"with": "step", "without": "another"}, "step"),
+        ({"speed-drift", "a"}, {"with": ""}, ""),  # a set that was not fitted is not asked
+        ({"a"}, {"with": "step", "without": "step"}, ""),
+    ],
+)
+def test_a_step_of_the_speed_is_looked_for_with_the_drift_and_without_it(
+    chosen: set[str], fits: dict[str, str], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "adequacy", lambda fit, _: f"left of {fit}")
+    monkeypatch.setattr(module, "step_in_speed", lambda fit, left, _: fits[fit] * (left == f"left of {fit}"))
+    sets = {"with": frozenset(chosen), "without": frozenset(chosen) - {"speed-drift"}}
+    search: Any = SimpleNamespace(fits={sets[name]: name for name in fits})
+    assert step_for_drift(search, frozenset(chosen), SimpleNamespace(data=())) == said  # type: ignore[arg-type]
 
 
 def test_on_open_ground_a_reserve_is_added_to_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -70,9 +70,14 @@ def test_drift_is_no_step() -> None:
     assert said(noise - 0.0015 * ORDER, -0.0015) == ""
 
 
-def test_without_a_drift_nothing_is_asked() -> None:
-    fit: Any = SimpleNamespace(terms=frozenset(["plate-tilt"]))
-    assert step_in_speed(fit, None, []) == ""  # type: ignore[arg-type]
+def test_speeds_of_a_fit_without_a_drift_are_its_gains() -> None:
+    """These are speeds of a robot whose supply fell by 3 %, before the sixth of 11 runs, fitted without a drift."""
+    speeds = [0.0085, 0.0086, 0.0085, 0.0129, 0.0127, -0.0241, -0.0217, -0.0215, -0.0219, -0.0179, -0.0176]
+    shares = np.ones((11, 4))
+    left: Any = SimpleNamespace(shares=shares, random_effects=np.outer(speeds, [0, 1, 1, 0]))
+    fit: Any = SimpleNamespace(terms=frozenset(["plate-tilt"]), runs=tuple(range(11)))
+    data: Any = [SimpleNamespace(id=f"r{run + 1}", order=run) for run in range(11)]
+    assert step_in_speed(fit, left, data).startswith("the speed changes by -3 % between r5 and r6, once")
 
 
 @pytest.mark.parametrize(("after", "size"), [(8, -1.0), (3, 0.5), (14, 2.0)])
