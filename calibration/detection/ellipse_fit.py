@@ -110,7 +110,7 @@ def derivatives(pixels, count, p, rows):  # type: ignore[no-untyped-def]  # noqa
 def _accumulate(pixels, count, p, rows, N, rhs):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Normal equations over the pixels; returns the sum of squares. rows: (11, pixels) work space."""
     derivatives(pixels, count, p, rows)
-    for i in range(10):
+    for i in range(N.shape[0]):  # not a constant: LLVM would write out each of the 65 sums, most of the kernel's code
         for j in range(i + 1):
             value = 0.0
             for k in range(count):

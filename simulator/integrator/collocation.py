@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from simulator.compilation import compiled
+from simulator.compilation import compiled, counter
 from simulator.dynamics.equations import accelerations, slopes
 from simulator.dynamics.motors import drive_at
 from simulator.integrator.rosenbrock import invert3, moved
@@ -56,7 +56,7 @@ SHARES = (1.0 - np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))) / 2.0
 
 @compiled(fastmath={"contract"})
 def _apply(matrix: Any, table: Any, source: int, scale: float, start: float, target: int) -> None:
-    """Row target becomes start + scale · (row source) · matrix."""
+    """Row target becomes start + scale · (row source) · matrix. Rows come from `counter`: one version is compiled."""
     for point in range(POINTS):
         table[target, point] = start
     for other in range(POINTS):
@@ -119,13 +119,13 @@ def follow(length: float, work: Any) -> None:
         inverse[1, 0] * u + inverse[1, 1] * v + inverse[1, 2] * r,
         inverse[2, 0] * u + inverse[2, 1] * v + inverse[2, 2] * r,
     )
-    _apply(INTEGRAL, table, U + 2, 0.5 * length, heading, HEADING)
+    _apply(INTEGRAL, table, counter(U + 2), 0.5 * length, heading, counter(HEADING))
     for point in range(POINTS):
         cos, sin = math.cos(table[HEADING, point]), math.sin(table[HEADING, point])
         table[X_RATE, point] = cos * table[U, point] - sin * table[U + 1, point]
         table[Y_RATE, point] = sin * table[U, point] + cos * table[U + 1, point]
-    _apply(INTEGRAL, table, X_RATE, 0.5 * length, x, X)
-    _apply(INTEGRAL, table, Y_RATE, 0.5 * length, at_y, Y)
+    _apply(INTEGRAL, table, counter(X_RATE), 0.5 * length, x, counter(X))
+    _apply(INTEGRAL, table, counter(Y_RATE), 0.5 * length, at_y, counter(Y))
 
 
 @compiled()
@@ -287,7 +287,7 @@ def write_polynomials(out: Any, times: Any, rows: tuple[int, int], time: float, 
     for item in range(3):
         _apply(TO_POWERS, table, U + item, 1.0, 0.0, POWERS + item)
         _write(out, 3 + item, times, rows, time, length, table, POWERS + item)
-    _apply(TO_POWERS, table, X_RATE, 1.0, 0.0, POWERS)
-    _apply(TO_POWERS, table, Y_RATE, 1.0, 0.0, POWERS + 1)
+    _apply(TO_POWERS, table, counter(X_RATE), 1.0, 0.0, counter(POWERS))
+    _apply(TO_POWERS, table, counter(Y_RATE), 1.0, 0.0, counter(POWERS + 1))
     for item in range(3):
         _write_integral(out, item, times, rows, time, length, table, POWERS + item)

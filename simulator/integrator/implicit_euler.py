@@ -45,7 +45,7 @@ def newton_change(step: float, residual: Any, work: Any, change: Any) -> bool:
     for row in range(3):
         for column in range(3):
             work.block[row, column] = (1.0 if row == column else 0.0) - step * work.bent[1 + row, column]
-    if not invert3(work.block, work.inverse):
+    if not invert3(work.block[:3], work.inverse[:3]):
         return False
     inverse = work.inverse
     for row in range(3):

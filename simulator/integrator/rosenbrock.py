@@ -153,7 +153,7 @@ def factorize(step: float, varies: bool, work: Any) -> bool:
             x, at_y, angle = untwist(diagonal, work.y, column == 0, column == 1, column == 2)
             for row in range(3):
                 block[row, column] -= linear[4 + row, 0] * x + linear[4 + row, 1] * at_y + linear[4 + row, 2] * angle
-    return invert3(block, work.inverse)
+    return invert3(block[:3], work.inverse[:3])  # slices, as of its other callers: one compiled version
 
 
 @compiled()

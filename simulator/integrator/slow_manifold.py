@@ -30,7 +30,7 @@ def near_manifold(tolerance: float, at_rest: bool, model: Any, work: Any) -> boo
     after its wheels have begun to turn against each other.
     """
     linear, inverse, lacking, to_go = work.linear, work.inverse, work.spare[0], work.spare[1]
-    if not is_stable(linear) or not invert3(linear[1:4], inverse):
+    if not is_stable(linear) or not invert3(linear[1:4], inverse[:3]):
         return False
     # On the manifold the acceleration is that of the moving equilibrium, -J⁻¹·(derivative by time).
     _times(inverse, linear[7], lacking)

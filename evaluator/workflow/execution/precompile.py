@@ -13,7 +13,6 @@ from itertools import islice
 from pathlib import Path
 from threading import Thread
 
-from evaluator.mark_geometry import MarkGeometry
 from evaluator.workflow.execution.machine import PROCESSES, available_cores
 
 FRAMES = 60  # of a recording, enough for every kernel of the tracker
@@ -135,6 +134,7 @@ def measure_turn(video: Path) -> None:
     import numpy as np
     import pandas as pd
 
+    from evaluator.mark_geometry import MarkGeometry
     from evaluator.pose import poses_from_marks
     from evaluator.recording import open_recording
     from evaluator.robot_geometry import robot_shape

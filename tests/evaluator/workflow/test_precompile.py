@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, Queue
@@ -43,6 +45,12 @@ def test_what_a_calibration_calls_after_the_fit_of_dots_is_compiled_as_it_calls_
     calibrate(sorted(samples.glob("gauge-*.png"))[:3], samples / "gauge.toml")
     assert all(compiled)
     assert [kernel.signatures for kernel in later] == compiled  # type: ignore[attr-defined, unused-ignore]
+
+
+def test_a_demo_calibrates_before_it_imports_what_only_later_stages_need() -> None:
+    code = "import sys, evaluator.workflow.demo; print('pandas' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=VIDEO.parents[1], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_a_steady_turn_leaves_the_kernels_of_the_report_ready() -> None:
