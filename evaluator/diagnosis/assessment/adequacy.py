@@ -7,7 +7,7 @@ of the runs, friction and gains, must be random: they must not depend on anythin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 FEWEST_FREEDOM = 6  # degrees of freedom below which an F test has little power
 # Share of the variance of a friction or gain that a run must determine; a straight run does not determine friction.
 LEAST_SHARE = 0.01
+FEWEST_OTHERS = 2  # other repetitions of a command, of which one alone may be the odd one
 UNLIKE = 1e-3  # probability, by chance, that any run of an experiment is as unlike the others
 FEWEST_OF_GROUP = 2  # runs; a single one is an outlier
 DRAWS = 20_000  # of normal values, which determine a probability of 3e-4 to a third
@@ -89,12 +90,14 @@ def _widest(scatter: Floats) -> str:
 class Unlike:
     """Runs (indices in the session) whose friction or wheel speeds differ from the others by the same amount.
 
-    what: of SCATTER. change: relative, the median of these runs over that of all.
+    what: of SCATTER. change: relative, the median of these runs over that of all. of_command: whether the others are
+    only those with the same command.
     """
 
     runs: tuple[int, ...]
     what: str
     change: float
+    of_command: bool = False
 
 
 def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
@@ -117,6 +120,51 @@ def unlike_runs(left: Adequacy, runs: Sequence[int]) -> list[Unlike]:
             if same:
                 found.append(Unlike(tuple(which[same].tolist()), what, float(np.median(change[same]))))
     return found
+
+
+def unlike_repeats(left: Adequacy, runs: Sequence[int], commands: Sequence[Hashable]) -> list[Unlike]:
+    """Runs whose friction, left or right wheel speeds differ significantly from those of other runs of their command.
+
+    Repetitions of a command share every error of the model, so that their differences are chance, and few of them
+    suffice: a run of three with a mistyped command is visible, although the scatter of five runs includes it.
+    commands: of every run of the fit.
+    """
+    found = []
+    for number, what in enumerate(SCATTER[:-1]):
+        seen = np.flatnonzero(left.shares[:, number] > LEAST_SHARE)
+        values = left.random_effects[seen, number] / np.sqrt(left.shares[seen, number])
+        numbers: dict[Hashable, int] = {}
+        labels = np.array([numbers.setdefault(commands[run], len(numbers)) for run in seen.tolist()], dtype=np.int64)
+        for k, change in _odd_repeats(values, labels, UNLIKE / (len(SCATTER) - 1)).items():
+            found.append(Unlike((runs[seen[k]],), what, change, of_command=True))
+    return found
+
+
+def _odd_repeats(values: Floats, labels: NDArray[np.int64], probability: float) -> dict[int, float]:
+    """Values that differ from the mean of the others with their label, and by how much.
+
+    Each must have two others, and is tested against the scatter of all others within their labels. probability: of any
+    false positive. Source: externally Studentized residuals, Cook & Weisberg (1982), Residuals and Influence.
+    """
+    odd: dict[int, float] = {}
+    while True:
+        rest = np.delete(np.arange(len(values)), list(odd))
+        label, value = labels[rest], values[rest]
+        size = np.bincount(label, minlength=labels.max(initial=0) + 1)
+        off = value - (np.bincount(label, value, len(size)) / np.maximum(size, 1))[label]
+        repeats = size[label]
+        off, may = off * repeats / np.maximum(repeats - 1, 1), repeats > FEWEST_OTHERS  # from the mean of the others
+        freedom = len(rest) - np.count_nonzero(size) - 1
+        if freedom < FEWEST_OTHERS or not may.any():
+            return odd
+        own = off**2 * (repeats - 1) / repeats  # the share of each in the sum of squares
+        within = np.sum(off**2 * ((repeats - 1) / repeats) ** 2)
+        error = np.sqrt(np.maximum(within - own, 0.0) / freedom * repeats / np.maximum(repeats - 1, 1))
+        p = 2 * len(values) * special.stdtr(freedom, -np.abs(off) / np.maximum(error, 1e-300))
+        worst = int(np.argmin(np.where(may, p, np.inf)))
+        if not p[worst] < probability:
+            return odd
+        odd[int(rest[worst])] = float(off[worst])
 
 
 def _odd(values: Floats, probability: float) -> list[int]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from evaluator.diagnosis.assessment.adequacy import unlike_runs
+from evaluator.diagnosis.assessment.adequacy import Adequacy, Unlike, unlike_repeats, unlike_runs
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
 from evaluator.diagnosis.result import Diagnosis
@@ -20,7 +21,7 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
     left = diagnosis.leftover
     if changed is not None and changed.once:
         left = without_change(left, diagnosis.fit.runs, changed)
-    for item in unlike_runs(left, diagnosis.fit.runs):
+    for item in _all_unlike(left, diagnosis):
         if item.what == "friction" and changed is not None and set(item.runs) <= set(changed.runs):
             continue
         percent = 100 * item.change
@@ -36,10 +37,25 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
                 "runs": runs,
                 "quantity": item.what,
                 "relative_change": rounded(item.change),
-                "sentence": f"{', '.join(runs)}: {seen} than in the other runs",
+                "sentence": f"{', '.join(runs)}: {seen} than in the other runs{' of its command' * item.of_command}",
             }
         )
     return found
+
+
+def _all_unlike(left: Adequacy, diagnosis: Diagnosis) -> list[Unlike]:
+    """Runs unlike all others, then those unlike the other runs of their command that are not among them."""
+    runs = diagnosis.fit.runs
+    found = unlike_runs(left, runs)
+    known = {(run, item.what) for item in found for run in item.runs}
+    robots = diagnosis.session.robots
+    commands = [(*_command(diagnosis.session.data[run]), robots.index(robots[run])) for run in runs]
+    return found + [item for item in unlike_repeats(left, runs, commands) if (item.runs[0], item.what) not in known]
+
+
+def _command(run: RunData) -> tuple[object, ...]:
+    """What a run must share with another to repeat it; a log of commands is repeated by no other run."""
+    return (run.left_rpm, run.right_rpm) if run.log is None else (run.id,)
 
 
 def _over_session(changed: FrictionChange, diagnosis: Diagnosis) -> UnlikeRunsContent:

@@ -10,10 +10,12 @@ from scipy import optimize, stats
 from evaluator.diagnosis.assessment.adequacy import (
     Adequacy,
     _odd,
+    _odd_repeats,
     _order,
     _parted,
     _smaller_group,
     _widest,
+    unlike_repeats,
     unlike_runs,
 )
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -80,6 +82,36 @@ def test_a_wheel_that_is_dirty_for_three_runs_is_told_of_these() -> None:
     (found,) = unlike_runs(_left(np.random.default_rng(3), gains), range(100, 120))
     assert (found.runs, found.what) == ((107, 108, 109), "left_gain")
     assert found.change == pytest.approx(0.015, rel=0.15)
+
+
+def test_a_mistyped_run_of_three_is_told_although_the_scatter_of_five_runs_includes_it() -> None:
+    """Gains that a diagnosis found; the third command was 33.3 / 16.4 rpm, not 33.3 / 14.4."""
+    gains = [[0.012, -0.0101], [0.0113, -0.0101], [0.012, 0.1258], [-0.0003, -0.0021], [0.0005, -0.002]]
+    effects = np.zeros((5, 4))
+    effects[:, 1:3] = gains
+    left = Adequacy(1.0, 0.0, np.ones(5), effects, np.ones((5, 4)), 1.0, "")
+    commands = [(33.3, 14.4)] * 3 + [(14.4, 33.3)] * 2
+    assert unlike_runs(left, range(5)) == []
+    (found,) = unlike_repeats(left, (10, 11, 12, 13, 14), commands)
+    assert (found.runs, found.what, found.of_command) == ((12,), "right_gain", True)
+    assert found.change == pytest.approx(0.1359)
+    assert unlike_repeats(left, range(5), [*commands[:2], (33.3, 16.4), *commands[3:]]) == []
+
+
+def test_a_run_with_a_single_repetition_is_not_judged_by_it() -> None:
+    assert _odd_repeats(np.array([0.0, 9.0, 1e-3, 2e-3, 3e-3]), np.array([0, 0, 1, 1, 1]), 1e-3) == {}
+
+
+def test_repetitions_are_judged_by_the_deviation_from_the_mean_of_the_others() -> None:
+    """The probability is that of the externally Studentized residual, computed here without closed forms."""
+    labels, values = np.array([0, 0, 0, 0, 1, 1, 2]), np.random.default_rng(2).normal(size=7)
+    values[2] += 20.0
+    own, other = values[[0, 1, 3]], values[[4, 5]]
+    variance = (np.sum((own - own.mean()) ** 2) + np.sum((other - other.mean()) ** 2)) / 3
+    deviate = abs(values[2] - own.mean()) / np.sqrt(variance * 4 / 3)
+    p = 7 * 2 * stats.t.sf(deviate, 3)
+    assert _odd_repeats(values, labels, 1.001 * p) == {2: pytest.approx(values[2] - own.mean())}
+    assert _odd_repeats(values, labels, 0.999 * p) == {}
 
 
 def test_runs_above_and_below_the_others_are_told_apart_with_their_middle() -> None:

@@ -47,7 +47,9 @@ def test_effects_nearer_than_four_sigmas_are_equivalent_the_nearest_first() -> N
     assert effects_json.equivalents(found, "e") == []
 
 
-RUNS = [SimpleNamespace(id=f"r{k}", time_s=np.array([1.0, 5.0])) for k in range(3)]
+RUNS = [
+    SimpleNamespace(id=f"r{k}", time_s=np.array([1.0, 5.0]), left_rpm=30.0, right_rpm=20.0, log=None) for k in range(3)
+]
 
 
 @pytest.mark.parametrize(("gain", "sigmas"), [(8.0, 4.0), (-3.0, 0.0), (math.nan, None)])
@@ -252,13 +254,38 @@ def test_runs_unlike_the_others_are_told_with_sign_and_size(
     what: str, change: float, said: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((0, 2), what, change)])
+    monkeypatch.setattr(unlike_runs, "unlike_repeats", lambda *_: [])
     monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: None)
-    session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
+    session = SimpleNamespace(data=RUNS, robots=(0, 0, 0), relevant=SimpleNamespace(speed_percent=1.0))
     found: Any = SimpleNamespace(leftover=0, follows=True, verdict="none", session=session)
     found.fit = SimpleNamespace(runs=(0, 1, 2))
     assert [item["sentence"] for item in unlike_runs.unlike(found)] == ([said] if said else [])
     found.verdict = "unknown"  # then they mean nothing
     assert unlike_runs.unlike(found) == []
+
+
+def test_a_run_unlike_the_others_of_its_command_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run repeats another with the same command and robot; a log of commands is repeated by none."""
+    asked: list[list[tuple[object, ...]]] = []
+
+    def repeats(_: object, __: object, commands: list[tuple[object, ...]]) -> list[Unlike]:
+        asked.append(commands)
+        return [Unlike((1,), what, 0.14, of_command=True) for what in ("left_gain", "right_gain")]
+
+    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda *_: [Unlike((1, 2), "left_gain", 0.1)])
+    monkeypatch.setattr(unlike_runs, "unlike_repeats", repeats)
+    monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: None)
+    data = [*RUNS, SimpleNamespace(**{**vars(RUNS[0]), "id": "r3", "log": "a log"})]
+    session = SimpleNamespace(data=data, robots=("a", "b", "a", "a"), relevant=SimpleNamespace(speed_percent=1.0))
+    found: Any = SimpleNamespace(leftover=0, follows=True, verdict="none", session=session)
+    found.fit = SimpleNamespace(runs=(0, 1, 2, 3))
+    assert [item["sentence"] for item in unlike_runs.unlike(found)] == [
+        "r1, r2: the left wheels turn 10 % faster than in the other runs",
+        "r1: the right wheels turn 14 % faster than in the other runs of its command",
+    ]
+    first, second, third, fourth = asked[0]
+    assert first == third
+    assert len({first, second, fourth}) == 3
 
 
 @pytest.mark.parametrize(
@@ -272,10 +299,14 @@ def test_friction_that_changes_over_the_session_is_told_once(
     change: FrictionChange, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Adequacy] = []
-    found = [Unlike((2,), "friction", -0.2)]
-    monkeypatch.setattr(unlike_runs, "unlike_runs", lambda left, _: asked.append(left) or found)
+
+    def unlike(left: Adequacy, _: object) -> list[Unlike]:
+        asked.append(left)
+        return [Unlike((2,), "friction", -0.2)]
+
+    monkeypatch.setattr(unlike_runs, "unlike_runs", unlike)
     monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: change)
-    session = SimpleNamespace(data=RUNS, relevant=SimpleNamespace(speed_percent=1.0))
+    session = SimpleNamespace(data=RUNS, robots=(0, 0, 0), relevant=SimpleNamespace(speed_percent=1.0))
     fit = SimpleNamespace(runs=(0, 1, 2))
     left = Adequacy(1.0, 0.0, np.ones(3), np.zeros((3, 4)), np.ones((3, 4)), 1.0, "")
     (told,) = unlike_runs.unlike(SimpleNamespace(leftover=left, follows=True, verdict="none", session=session, fit=fit))  # type: ignore[arg-type]
