@@ -17,6 +17,7 @@ from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
+from evaluator.diagnosis.parted_session import parted
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
@@ -208,4 +209,18 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         known=said.known,
         known_together=said.known_together,
     )
-    return reviewed(found, ready.start)
+    return _in_parts(reviewed(found, ready.start), progress)
+
+
+def _in_parts(found: Diagnosis, watch: Watch) -> Diagnosis:
+    """The diagnosis, whose reason says so if an unknown disagreement is that of two parts of the session."""
+    if found.verdict != "unknown" or found.search is None or found.search.problem.open_ground:
+        return found
+    watch("two parts of the session", 0.97)
+    try:
+        parts = parted(found.search, found.session, watch, [found.named, found.chosen, found.search.ranked()[0]])
+    except SearchStoppedError:
+        return found
+    if parts is None:
+        return found
+    return replace(found, reason=parts.sentence([run.id for run in found.session.data], found.session.known))

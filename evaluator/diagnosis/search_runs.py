@@ -63,7 +63,7 @@ def search_named(ready: Prepared, progress: Progress) -> Search:
         usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
     else:
-        part, begin = _with_drift(part, begin)
+        part, begin = with_drift(part, begin)
     run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
     return part
 
@@ -75,7 +75,7 @@ def refined(part: Search, nominal: Point, progress: Progress) -> Search:
     return part
 
 
-def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
+def with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     """The search with the common drift of both marks from the residuals of the null, and its initial point.
 
     Drift is estimated before any effect is added, because effects would otherwise explain it. If the misfit of the null

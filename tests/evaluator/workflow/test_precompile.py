@@ -49,7 +49,9 @@ def test_what_a_calibration_calls_after_the_fit_of_dots_is_compiled_as_it_calls_
 
 def test_a_demo_calibrates_before_it_imports_what_only_later_stages_need() -> None:
     code = "import sys, evaluator.workflow.demo; print('pandas' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=VIDEO.parents[1], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=VIDEO.parents[1], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "False"
 
 
