@@ -16,7 +16,7 @@ from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
 from evaluator.diagnosis.assessment.model_comparison import Set
 from evaluator.diagnosis.assessment.verdict import KEEP
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.inference.fit import EXPLAINED, fit_model
+from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
 from evaluator.diagnosis.inference.watch import Watch
@@ -25,7 +25,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduce
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.search_input import prepared
-from evaluator.diagnosis.search_runs import with_drift
+from evaluator.diagnosis.search_runs import null_alone
 
 FEWEST_OF_PART = 3  # runs: the scatter of fewer is not known
 CHANGE_PRIOR = 0.05  # one session in twenty is continued on another day or with another part
@@ -109,17 +109,16 @@ def _evidence(search: Search, fit: Fit, runs: Sequence[int]) -> float:
 
 def _explained(session: Session, watch: Watch) -> tuple[Problem, Fit] | None:
     """A session's problem and its model without effects fitted; None if that does not explain every run."""
-    ready = prepared(session, watch, None)
-    part = Search(ready.problem, ready.named, ready.tolerance, tuple(range(len(session.data))))
     try:
-        part, begin = with_drift(part, ready.start)
-        fit = fit_model(part.problem, begin, [], part.tolerance, part.runs)
+        part, fit = null_alone(prepared(session, watch, None))
+        if fit is None or fit.excess >= EXPLAINED:  # one that has not converged has a lower bound of its evidence
+            return None
         by_marks = part.problem.of_tracking
         placed = place_runs(by_marks, fit.point, part.runs, fit.posterior.scatter)
     except FloatingPointError:  # a run cannot be simulated on the way
         return None
     follows = (run_gaps(by_marks, placed, part.runs) <= farthest_followed(part.problem, part.runs)).all()
-    return (part.problem, fit) if fit.converged and fit.excess < EXPLAINED and follows else None
+    return (part.problem, fit) if follows else None
 
 
 def _with_noise_of(problem: Problem, parts: Iterable[tuple[Sequence[int], Problem]]) -> Problem:

@@ -51,21 +51,37 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 def search_named(ready: Prepared, progress: Progress) -> Search:
     """The search over named effects on all runs that are not held out."""
-    problem, start = ready.problem, ready.start
-    part = Search(problem, ready.named, ready.tolerance, fitted_runs(problem.data), asked=ready.own)
-    begin, large = start, is_large(problem, start)
-    if large:
-        begin = recalibrated(problem, start, ready.tolerance)
-        problem = with_noise_of(problem, begin)
-        part = replace(part, problem=problem)
-        large = is_large(problem, begin) or is_implausible(begin)
+    part, begin, large = begun(ready, fitted_runs(ready.problem.data))
     if large:
         usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
     else:
-        part, begin = with_drift(part, begin)
-    run_search(part, begin, start, progress, short_horizon_fits(part, start, progress) if large else ())
+        part, begin = _with_drift(part, begin)
+    seconds_first = short_horizon_fits(part, ready.start, progress) if large else ()
+    run_search(part, begin, ready.start, progress, seconds_first)
     return part
+
+
+def null_alone(ready: Prepared) -> tuple[Search, Fit | None]:
+    """A search of all runs with their noise, and the model without effects; None if its misfit is large.
+
+    Raises FloatingPointError if a run cannot be simulated.
+    """
+    part, begin, large = begun(ready, range(len(ready.problem.data)))
+    if large:
+        return part, None
+    part, begin = _with_drift(part, begin)
+    return part, fit_model(part.problem, begin, [], part.tolerance, part.runs)
+
+
+def begun(ready: Prepared, runs: Sequence[int]) -> tuple[Search, Point, bool]:
+    """A search of some runs, its initial point, and whether the misfit there is too large for fits of whole runs."""
+    part = Search(ready.problem, ready.named, ready.tolerance, tuple(runs), asked=ready.own)
+    if not is_large(part.problem, ready.start):
+        return part, ready.start, False
+    begin = recalibrated(part.problem, ready.start, ready.tolerance)
+    part = replace(part, problem=with_noise_of(part.problem, begin))
+    return part, begin, is_large(part.problem, begin) or is_implausible(begin)
 
 
 def refined(part: Search, nominal: Point, progress: Progress) -> Search:
@@ -75,7 +91,7 @@ def refined(part: Search, nominal: Point, progress: Progress) -> Search:
     return part
 
 
-def with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
+def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     """The search with the common drift of both marks from the residuals of the null, and its initial point.
 
     Drift is estimated before any effect is added, because effects would otherwise explain it. If the misfit of the null

@@ -233,7 +233,7 @@ def test_a_search_begins_with_seconds_where_recalibration_does_not_bring_the_mod
     monkeypatch.setattr(
         search_runs, "with_noise_of", lambda it, at: done.append(f"noise of {at.per_run[0, 0]:.0f}") or it
     )
-    monkeypatch.setattr(search_runs, "with_drift", lambda part, begin: done.append("drift") or (part, begin))
+    monkeypatch.setattr(search_runs, "_with_drift", lambda part, begin: done.append("drift") or (part, begin))
     monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: done.append("seconds first") or ("short",))
     ran: list[Any] = []
     monkeypatch.setattr(
