@@ -17,6 +17,8 @@ from evaluator.turning.pooling import pooled
 from evaluator.workflow import Analysis
 from evaluator.workflow.runs.job import SPACING_PERCENT
 
+MOST_FIRST = 8  # mistakes before the numbers: a screen of them; all of them stand with the quality of the measurement
+
 
 @dataclass(frozen=True)
 class Number:
@@ -45,8 +47,11 @@ def summary(
 
 
 def mistakes_first(analysis: Analysis) -> list[str]:
-    """Mistakes of the experiment, for the top of the report."""
-    sentences = [as_sentence(item.sentence) for item in analysis.mistakes]
+    """Mistakes of the experiment, for the top of the report, those of all runs first; of many, their number."""
+    mistakes = sorted(analysis.mistakes, key=lambda item: not item.everywhere)
+    sentences = [as_sentence(item.sentence) for item in mistakes]
+    if len(sentences) > MOST_FIRST + 1:
+        sentences[MOST_FIRST:] = [f"{len(sentences) - MOST_FIRST} more mistakes are listed in the section on quality."]
     if analysis.excluded_runs:
         runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.excluded_runs)
         sentences.append(f"Left out of all results below until this is corrected: {runs}.")

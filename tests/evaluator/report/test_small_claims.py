@@ -36,7 +36,7 @@ def test_an_estimate_has_the_digits_that_half_its_interval_bears(half: float, te
 def test_runs_with_mistakes_are_left_out_by_name_where_there_are_any() -> None:
     runs = [SimpleNamespace(id=name) for name in "abc"]
     analysis: Any = SimpleNamespace(
-        mistakes=(SimpleNamespace(sentence="it drives backward"),), excluded_runs={"c", "b"}
+        mistakes=(SimpleNamespace(sentence="it drives backward", everywhere=False),), excluded_runs={"c", "b"}
     )
     analysis.experiment = SimpleNamespace(run=runs)
     assert mistakes_first(analysis) == [
@@ -45,6 +45,18 @@ def test_runs_with_mistakes_are_left_out_by_name_where_there_are_any() -> None:
     ]
     analysis.excluded_runs = set()
     assert mistakes_first(analysis) == ["It drives backward."]
+
+
+@pytest.mark.parametrize(
+    ("count", "last"), [(9, "r7 is stuck."), (10, "2 more mistakes are listed in the section on quality.")]
+)
+def test_of_many_mistakes_those_of_all_runs_and_the_first_stand_before_the_numbers(count: int, last: str) -> None:
+    said = [SimpleNamespace(sentence=f"r{k} is stuck", everywhere=False) for k in range(count - 1)]
+    said.append(SimpleNamespace(sentence="all runs are late", everywhere=True))
+    analysis: Any = SimpleNamespace(mistakes=tuple(said), excluded_runs=())
+    found = mistakes_first(analysis)
+    assert len(found) == 9
+    assert (found[0], found[1], found[-1]) == ("All runs are late.", "r0 is stuck.", last)
 
 
 @pytest.mark.parametrize(("aside_mm", "inside"), [(0.0, True), (40.0, False)])
