@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from evaluator.workflow import Analysis
 
 MOST_NAMED = 6  # runs that are named in a note common to many
-WHOLE_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?!\.?\w)")  # a number that is not part of the name of a file or run
+# A number, with its sign, that is not part of the name of a file or run.
+WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
 SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,

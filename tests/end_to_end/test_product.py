@@ -168,6 +168,7 @@ def test_a_remark_on_many_runs_that_differs_by_its_numbers_alone_is_made_once_wi
     found = runs_by_note(notes)
     assert found["9 to 16 of 40 poses repeat"] == found["noise: 0.5 to 7.5 mm"] == runs
     assert found["r03.json read"] == ["r03"]
+    assert list(runs_by_note({run: [f"off by {n - 4} mm"] for n, run in enumerate(runs)})) == ["off by -4 to 3 mm"]
     few = runs_by_note({run: notes[run] for run in runs[:3]})
     assert few["9 of 40 poses repeat"] == ["r00"]
 
