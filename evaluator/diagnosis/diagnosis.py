@@ -7,7 +7,14 @@ from dataclasses import replace
 
 from evaluator.diagnosis.answer import answer
 from evaluator.diagnosis.assessment.model_comparison import is_free, separations
-from evaluator.diagnosis.assessment.sole_run import hiding_run, is_followed, sole_gains, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import (
+    hiding_run,
+    is_followed,
+    is_needed_without,
+    sole_gains,
+    sole_misfit,
+    sole_run,
+)
 from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
@@ -89,7 +96,9 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
     """
     data, robots = found.session.data, found.session.robots
     rest = found.session.of_runs([number for number in range(len(data)) if number != suspect])
-    if shortcomings(rest.data):
+    assert found.search is not None
+    forms = sum(map(is_free, found.terms or {}))
+    if shortcomings(rest.data) or (not hides and is_needed_without(found.search, found.chosen, suspect, forms)):
         return None
     again = _diagnosed(rest, watch, fits)
     rest = again.session  # runs that diverge are left out as well

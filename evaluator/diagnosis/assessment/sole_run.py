@@ -23,7 +23,7 @@ from scipy import special
 from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, Adequacy
 from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
 from evaluator.diagnosis.assessment.knowledge import DETERMINED
-from evaluator.diagnosis.assessment.model_comparison import Set, score
+from evaluator.diagnosis.assessment.model_comparison import Set, is_free, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
@@ -75,6 +75,24 @@ def sole_run(search: Search, ids: Set, families: int) -> SoleRun | None:
             if gain - brought < least and brought > KEEP[1]:
                 found.append(SoleRun(full.runs[int(k)], gain, gain - brought))
     return min(found, key=lambda item: item.without - item.gain, default=None)
+
+
+def is_needed_without(search: Search, ids: Set, run: int, families: int) -> bool:
+    """Whether a set with free-form terms gains over every named set what it must, also without a run.
+
+    Then the diagnosis of the others, which takes as long as the first, ends with a free-form term as well.
+    """
+    if not any(map(is_free, ids)) or ids not in search.fits or run not in search.fits[ids].runs:
+        return False
+    runs = search.fits[ids].runs
+    named = [other for other, fit in search.fits.items() if not any(map(is_free, other)) and fit.runs == runs]
+    k = runs.index(run)
+
+    def without(other: Set) -> float:
+        fit = search.fits[other]
+        return score(search, other, families) - _evidence(search, fit) + _evidence(search, fit, k)
+
+    return all(without(ids) - without(other) > least_gain(ids) for other in named)
 
 
 def sole_misfit(left: Adequacy, runs: tuple[int, ...]) -> int | None:

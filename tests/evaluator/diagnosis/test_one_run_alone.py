@@ -44,6 +44,7 @@ def around(
     monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
     monkeypatch.setattr(module, "turns_like_others", lambda *_: True)
     monkeypatch.setattr(module, "is_followed", lambda *_: followed)
+    monkeypatch.setattr(module, "is_needed_without", lambda *_: False)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     monkeypatch.setattr(module, "varied_robot", lambda *_: None)
     monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
@@ -230,3 +231,16 @@ def test_a_run_with_other_wheel_speeds_is_excluded_whatever_the_others_show_if_s
     found = diagnose(whole.session, no_progress)
     assert found.verdict == (rest if similar else "none")
     assert [item.sentence for item in found.session.mistakes] == ["(13.0, 14.0)"] * similar
+
+
+@pytest.mark.parametrize("needed", [True, False])
+def test_the_others_are_not_diagnosed_if_they_need_the_same_free_form_term(
+    monkeypatch: pytest.MonkeyPatch, *, needed: bool
+) -> None:
+    around(monkeypatch)
+    monkeypatch.setattr(module, "is_needed_without", lambda *_: needed)
+    asked = []
+    whole = finding("unknown", chosen=frozenset({"free:x"}))
+    monkeypatch.setattr(module, "_diagnosed", lambda session, *_: asked.append(len(session.data)) or whole)
+    assert diagnose(whole.session, no_progress).verdict == "unknown"
+    assert asked == ([12] if needed else [12, 11])

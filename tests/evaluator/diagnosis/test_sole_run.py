@@ -13,7 +13,15 @@ from scipy import stats
 
 from evaluator.diagnosis.assessment import sole_run as module
 from evaluator.diagnosis.assessment.adequacy import Adequacy
-from evaluator.diagnosis.assessment.sole_run import SoleRun, _misfits, hiding_run, sole_gains, sole_misfit, sole_run
+from evaluator.diagnosis.assessment.sole_run import (
+    SoleRun,
+    _misfits,
+    hiding_run,
+    is_needed_without,
+    sole_gains,
+    sole_misfit,
+    sole_run,
+)
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
@@ -82,6 +90,18 @@ def test_misfit_of_a_run_is_that_of_the_dense_gaussian_but_for_its_width() -> No
         for run in runs
     ]
     assert found == pytest.approx(dense, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "needed"), [([0.0] * 6 + [40.0] + [0.0] * 3, False), ([10.0] * RUNS, True), ([10.0] * 9 + [0.0], True)]
+)
+def test_a_free_form_term_is_needed_without_a_run_if_the_others_show_it(sizes: list[float], needed: bool) -> None:
+    asked, free = search(sizes), frozenset(["free:x"])
+    fits = {frozenset(): asked.fits[frozenset()], free: asked.fits[frozenset([TERM.id])]}
+    asked.fits, asked.evidence = fits, lambda ids: fits[ids].posterior.log_evidence
+    assert is_needed_without(asked, free, 6, 100) == needed
+    assert not is_needed_without(asked, frozenset(), 6, 100)
+    assert not is_needed_without(asked, frozenset(["free:y"]), 6, 100)
 
 
 def test_no_effect_rests_on_no_run() -> None:
