@@ -15,6 +15,18 @@ def median_of_rows(values: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2)
 
 
+def quantile_of_rows(values: ArrayLike, share: float) -> NDArray[np.float64]:
+    """The quantile over the first axis of finite values, between two rows by a line, as of np.quantile but faster."""
+    ordered = np.sort(np.asarray(values, dtype=float), axis=0)
+    at = share * (len(ordered) - 1)
+    low = int(at)
+    first, second, part = ordered[low], ordered[min(low + 1, len(ordered) - 1)], at - low
+    # from the nearer of the two, as NumPy does, so that the last digit is the same
+    if part < 0.5:
+        return np.asarray(first + (second - first) * part)
+    return np.asarray(second - (second - first) * (1 - part))
+
+
 def robust_sigma(values: ArrayLike) -> float:
     """Standard deviation of a normal distribution with the same median absolute deviation from its median."""
     of_all = np.asarray(values)

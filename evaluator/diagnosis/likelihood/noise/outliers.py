@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.robust import PER_MEDIAN, median_of_rows
+from evaluator.robust import PER_MEDIAN, median_of_rows, quantile_of_rows
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
         off = points - said
         sigma = PER_MEDIAN * median_of_rows(np.abs(off - median_of_rows(off))) + LEAST_SIGMA_MM
         # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
-        step = np.percentile(np.abs(np.diff(said, axis=0)), 95, axis=0)
+        step = quantile_of_rows(np.abs(np.diff(said, axis=0)), 0.95)
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
         cleaned[seen[(np.abs(off) > limit).any(axis=1)], part] = np.nan
     return cleaned
