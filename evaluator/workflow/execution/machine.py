@@ -88,8 +88,7 @@ def prepare_processes() -> None:
     if sys.platform == "linux":
         from multiprocessing.forkserver import ensure_running
 
-        with _hiding:
-            ensure_running()
+        ensure_running()
 
 
 @contextmanager
