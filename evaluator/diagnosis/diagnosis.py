@@ -218,13 +218,13 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
         known=said.known,
         known_together=said.known_together,
     )
-    return _in_parts(reviewed(found, ready.start), progress)
+    found = reviewed(found, ready.start)
+    return found if found.verdict != "unknown" or ready.problem.open_ground else _in_parts(found, progress)
 
 
 def _in_parts(found: Diagnosis, watch: Watch) -> Diagnosis:
-    """The diagnosis, whose reason says so if an unknown disagreement is that of two parts of the session."""
-    if found.verdict != "unknown" or found.search is None or found.search.problem.open_ground:
-        return found
+    """The diagnosis of an unknown disagreement, whose reason says so if it is that of two parts of the session."""
+    assert found.search is not None
     watch("two parts of the session", 0.97)
     try:
         parts = parted(found.search, found.session, watch, [found.named, found.chosen, found.search.ranked()[0]])

@@ -13,7 +13,7 @@ from evaluator.diagnosis import parted_session as module
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
-from evaluator.diagnosis.inference.watch import Watch
+from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -120,11 +120,23 @@ def test_both_parts_gain_over_the_best_model_what_an_effect_must_beyond_the_prio
     assert (parted((asked, session)) is not None) == is_parted
 
 
-@pytest.mark.parametrize(("verdict", "said"), [("unknown", True), ("effect", False), ("none", False)])
+@pytest.mark.parametrize(("levels", "said"), [([0.0] * 5 + [4.0] * 5, True), ([0.5] * RUNS, False)])
 def test_an_unknown_disagreement_of_two_parts_is_said_to_be_one(
-    verdict: Any, said: bool, monkeypatch: pytest.MonkeyPatch
+    levels: list[float], said: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked, session = search(monkeypatch, [0.0] * 5 + [4.0] * 5)
-    found = caller._in_parts(Diagnosis(verdict, "so", session, search=asked), Watch())
-    assert found.verdict == verdict
+    asked, session = search(monkeypatch, levels)
+    found = caller._in_parts(Diagnosis("unknown", "so", session, search=asked), Watch())
+    assert found.verdict == "unknown"
     assert ("are each explained by themselves" in found.reason) == said
+    assert (found.reason == "so") != said
+
+
+def test_a_limit_of_time_leaves_the_verdict_that_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, session = search(monkeypatch, [0.0] * 5 + [4.0] * 5)
+
+    def stopped(*_: Any) -> None:
+        raise SearchStoppedError(7.0, "")
+
+    monkeypatch.setattr(caller, "parted", stopped)
+    found = Diagnosis("unknown", "so", session, search=asked)
+    assert caller._in_parts(found, Watch()) == found

@@ -44,6 +44,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
     monkeypatch.setattr(module, "reviewed", lambda found, start: (found, start)[0])
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
+    monkeypatch.setattr(module, "_in_parts", lambda found, _: steps.append(("_in_parts", found)) or found)
     return steps
 
 
@@ -70,7 +71,8 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
     answering(monkeypatch, verdict, open_ground=open_ground)
     found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
     is_effect = verdict == "effect"
-    assert [step for step, *_ in done] == steps + ["separations", "profiles_of"] * is_effect
+    last = ["separations", "profiles_of"] if is_effect else [] if open_ground else ["_in_parts"]
+    assert [step for step, *_ in done] == steps + last
     assert (found.verdict, found.reason, found.chosen, found.held_out) == (verdict, "it pays", TILT, (1, 3))
     assert found.fit_search is not None
     assert (found.problem, found.fit_search.runs) == ("problem of the part", (0, 2))
