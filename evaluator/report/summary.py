@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.report.diagnosis.words import as_sentence, gap_sentence, verdict_sentence
+from evaluator.report.diagnosis.words import as_sentence, gap_sentence, in_words, verdict_sentence
 from evaluator.report.numbers import number, significant, true_minus
 from evaluator.report.runs import RunView, column
 from evaluator.turning.motion.curvature import Z_975
@@ -38,6 +38,7 @@ def summary(
     sentences += [_directions(directions), _agreement(turning), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
+        sentences[:0] = _mistakes_of_diagnosis(diagnosis, {run.run for run in runs})
     sentences[:0] = [_only_mark(runs), _scale(runs)]
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
@@ -56,6 +57,12 @@ def mistakes_first(analysis: Analysis) -> list[str]:
         runs = ", ".join(run.id for run in analysis.experiment.run if run.id in analysis.excluded_runs)
         sentences.append(f"Left out of all results below until this is corrected: {runs}.")
     return sentences
+
+
+def _mistakes_of_diagnosis(diagnosis: dict[str, Any], shown: set[str]) -> list[str]:
+    """Mistakes that only the diagnosis recognises: their runs are not left out of the other results (shown: by id)."""
+    found = diagnosis.get("mistakes") or []
+    return [as_sentence(item["sentence"]) for item in found if shown.intersection(item["runs"])]
 
 
 def headline(runs: Sequence[RunView]) -> list[Number]:
@@ -93,9 +100,11 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
 
 
 def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
-    """The result of `turnscope diagnose` in one or two sentences."""
+    """The result of `turnscope diagnose` in two or three sentences; of what is not explained, with the reason."""
+    open_end = diagnosis.get("verdict") in ("unknown", "insufficient")
+    reason = as_sentence(in_words(str(diagnosis.get("reason") or ""))) if open_end else ""
     gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
-    return " ".join(filter(None, (verdict_sentence(diagnosis), gap)))
+    return " ".join(filter(None, (verdict_sentence(diagnosis), reason, gap)))
 
 
 def _scale(runs: Sequence[RunView]) -> str:

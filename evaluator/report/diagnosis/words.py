@@ -38,7 +38,7 @@ def verdict_sentence(content: Json) -> str:
 def _description(content: Json) -> str:
     """Description of an unknown effect: the free-form term, or the largest disagreement."""
     free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
-    free = "; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first)
+    free = _with_minus("; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first))
     if free and closes(content):
         return f"; the best free-form explanation is {free}"
     if free:

@@ -291,3 +291,15 @@ def test_a_run_knows_its_phase_its_command_and_its_way() -> None:
     assert len(shown("r", 1.0, 1.0)._of_phase(times)) == 5
     assert command_text(nan, 2.0) == "–"
     assert interval(nan, 2.0) == "–"
+
+
+def test_mistakes_that_only_the_diagnosis_finds_are_told_first_and_why_nothing_explains_the_runs() -> None:
+    """ "Nothing is missing" stood at the top of a report whose run r11 had another command than its file says."""
+    runs, mistake = [turned("r11", 20.0), turned("r12", 8.0)], {"runs": ["r11"], "sentence": "r11 moves as if so"}
+    gone = {"runs": ["r13"], "sentence": "r13 drives backward"}  # it is left out of all results, and told elsewhere
+    found: dict[str, Any] = {"verdict": "none", "effects": [], "reason": "so", "mistakes": [mistake, gone]}
+    first, *_, last = summary(runs, {}, found, NONE)
+    assert first == "r11 moves as if so."
+    assert last == "Nothing is missing: the model explains these runs within noise, scatter and tolerances."
+    unknown = summary(runs, {}, {**found, "verdict": "unknown", "reason": "the runs a and b are explained apart"}, NONE)
+    assert unknown[-1].endswith(" explains. The runs a and b are explained apart.")
