@@ -8,24 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
-from evaluator.diagnosis.assessment.model_comparison import Set
+from evaluator.diagnosis.assessment.knowledge import knowledge
+from evaluator.diagnosis.assessment.model_comparison import Set, evidence_of_runs
 from evaluator.diagnosis.assessment.verdict import KEEP
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import EXPLAINED
-from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import null_alone
+from evaluator.turning.motion.curvature import Z_975
 
 FEWEST_OF_PART = 3  # runs: the scatter of fewer is not known
 CHANGE_PRIOR = 0.05  # one session in twenty is continued on another day or with another part
@@ -53,18 +52,14 @@ class Parted:
     def _changed(self, quantities: Sequence[Quantity]) -> list[str]:
         """Quantities that differ significantly, most significant first, with their deviations before and after."""
         found = []
-        for item in quantities:
-            at = [[column.key for column in fit.columns if column.term is None] for fit in self.fits]
-            if not all(item.key in keys for keys in at):
-                continue
-            places = [keys.index(item.key) for keys in at]
-            values = [fit.point.value(fit.columns[i]) for fit, i in zip(self.fits, places, strict=True)]
-            variance = sum(float(fit.posterior.covariance[i, i]) for fit, i in zip(self.fits, places, strict=True))
-            sigmas = abs(values[1] - values[0]) / math.sqrt(max(variance, 1e-300))
+        for before, after in zip(*(knowledge(quantities, fit) for fit in self.fits), strict=True):
+            half = math.hypot(before.high - before.found, after.high - after.found)  # of the interval of the difference
+            sigmas = Z_975 * abs(after.found - before.found) / max(half, 1e-300)
             if sigmas > CHANGED_SIGMAS:
-                unit = "" if item.unit == "1" else f" {item.unit}"
-                first, second = (f"{value * item.per_unit:+.2g}" for value in values)
-                found.append((sigmas, f"{item.name} off by {first} and {second}{unit}"))
+                unit = "" if before.quantity.unit == "1" else f" {before.quantity.unit}"
+                found.append(
+                    (sigmas, f"{before.quantity.name} off by {before.found:+.2g} and {after.found:+.2g}{unit}")
+                )
         return [words for _, words in sorted(found, reverse=True)]
 
 
@@ -81,7 +76,8 @@ def parted(search: Search, session: Session, watch: Watch, rivals: Sequence[Set]
     splits = range(FEWEST_OF_PART, len(ordered) - FEWEST_OF_PART + 1)
     if null is None or not splits:
         return None
-    split = max(splits, key=lambda k: sum(_evidence(search, null, part) for part in (ordered[:k], ordered[k:])))
+    rows = [null.runs.index(run) for run in ordered]
+    split = max(splits, key=lambda k: sum(evidence_of_runs(search, null, part) for part in (rows[:k], rows[k:])))
     runs = tuple(ordered[:split]), tuple(ordered[split:])
     parts = [_explained(session.of_runs(part), watch) for part in runs]
     first, second = parts
@@ -98,13 +94,6 @@ def parted(search: Search, session: Session, watch: Watch, rivals: Sequence[Set]
     best = max(whole.evidence(ids) + log_prior(len(ids), count) for ids in (*whole.fits, *whole.failed))
     gain = apart + log_prior(0, count) - best
     return Parted((first[1], second[1]), runs, gain) if gain > KEEP[1] else None
-
-
-def _evidence(search: Search, fit: Fit, runs: Sequence[int]) -> float:
-    """Log evidence of a fitted model from some of its runs, by its linearization."""
-    own = np.flatnonzero(np.isin(fit.runs, runs))
-    reduced = Reduced(*(getattr(fit.reduced, item.name)[own] for item in fields(fit.reduced)))
-    return MixedModel(reduced, prior_precision(fit.columns, search.tolerance)).log_evidence(range(len(fit.columns)))
 
 
 def _explained(session: Session, watch: Watch) -> tuple[Problem, Fit] | None:

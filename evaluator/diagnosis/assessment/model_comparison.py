@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from evaluator.diagnosis.candidates.free_form import PREFIX
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 
 Floats = NDArray[np.float64]
@@ -146,6 +146,13 @@ def _left_over(model: MixedModel, at: int, own: Sequence[int], size: Floats, oth
 
 def _nearest(model: MixedModel, scatter: Floats) -> int:
     return int(np.argmin(np.sum((np.log(model.tau) - np.log(scatter)) ** 2, axis=1)))
+
+
+def evidence_of_runs(search: Search, fit: Fit, rows: Sequence[int]) -> float:
+    """Log evidence of a fitted model from some of its runs (indices in fit.runs), by its linearization."""
+    keep = np.asarray(rows, dtype=np.int64)
+    reduced = Reduced(*(getattr(fit.reduced, item.name)[keep] for item in fields(fit.reduced)))
+    return MixedModel(reduced, prior_precision(fit.columns, search.tolerance)).log_evidence(range(len(fit.columns)))
 
 
 def predictive_score(search: Search, fit: Fit, runs: Sequence[int]) -> float:

@@ -13,7 +13,7 @@ explains it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,12 +23,12 @@ from scipy import special
 from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, Adequacy
 from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
 from evaluator.diagnosis.assessment.knowledge import DETERMINED
-from evaluator.diagnosis.assessment.model_comparison import Set, is_free, score
+from evaluator.diagnosis.assessment.model_comparison import Set, evidence_of_runs, is_free, score
 from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.bounds import bounds
-from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
@@ -140,14 +140,7 @@ def hiding_run(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> i
 
 def _evidence(search: Search, fit: Fit, but: int | None = None) -> float:
     """Log evidence of a fitted model by linearization, from all its runs or all except one."""
-    reduced = fit.reduced if but is None else _without(fit.reduced, but)
-    model = MixedModel(reduced, prior_precision(fit.columns, search.tolerance))
-    return model.log_evidence(range(len(fit.columns)))
-
-
-def _without(reduced: Reduced, k: int) -> Reduced:
-    """The inner products of all runs except one."""
-    return Reduced(*(np.delete(getattr(reduced, item.name), k, axis=0) for item in fields(reduced)))
+    return evidence_of_runs(search, fit, [k for k in range(len(fit.runs)) if k != but])
 
 
 def _misfits(fit: Fit) -> Floats:

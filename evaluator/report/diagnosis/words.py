@@ -252,20 +252,21 @@ def gap_sentence(content: Json) -> str:
     return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
 
 
-SCATTERS = 2.0  # noise floors of predicted distance from which the scatter between runs is its main part
+MISSED = 2.0  # noise floors of predicted distance from which a prediction misses more than noise
 
 
 def scatter_sentence(content: Json) -> str:
-    """What varies from run to run, where this is most of what a prediction misses; empty elsewhere."""
+    """What a prediction from the start pose cannot know, where it misses more than noise; empty elsewhere."""
     gap, scatter = content.get("gap") or {}, (content.get("noise") or {}).get("run_to_run")
     left = ((gap.get("predicted") or {}).get("after") or {}).get("fit")
     if content.get("verdict") not in ("none", "effect") or not scatter or left is None:
         return ""
-    if left <= SCATTERS * gap["noise_floor"]:
+    if left <= MISSED * gap["noise_floor"]:
         return ""
     friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
     return (
-        f"The prediction misses what varies from run to run: friction by {friction}, wheel speeds by {speed} (1 sigma)."
+        "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by "
+        f"{friction}, wheel speeds by {speed} (1 sigma)."
     )
 
 

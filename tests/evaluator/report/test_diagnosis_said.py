@@ -113,7 +113,8 @@ def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> N
         "verdict": "none", "gap": gap, "noise": {"run_to_run": {"friction": 0.106, "wheel_speed": 0.0064}}
     }  # fmt: skip
     assert scatter_sentence(content) == (
-        "The prediction misses what varies from run to run: friction by 11 %, wheel speeds by 0.64 % (1 sigma)."
+        "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by 11 %, "
+        "wheel speeds by 0.64 % (1 sigma)."
     )
     assert scatter_sentence({**content, "verdict": "unknown"}) == ""
     assert scatter_sentence({**content, "noise": {"run_to_run": None}}) == ""
