@@ -64,6 +64,7 @@ class Page:
     faults: dict[str, str] = field(default_factory=dict)
     player: str = ""
     legend: tuple[Line, ...] = ()
+    reloaded_s: int = 0  # interval at which a browser loads the page again; 0: never
 
 
 def page_html(page: Page) -> str:

@@ -135,8 +135,9 @@ def test_a_planned_circular_test_takes_the_levels_of_the_model_unless_some_are_s
 
 
 def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
-    stub: Any, monkeypatch: pytest.MonkeyPatch
+    stub: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     solved = SimpleNamespace(
         calibration=SimpleNamespace(views=[1, 2], rms_px=0.00234), verdict=SimpleNamespace(summary="sound")
     )
@@ -144,6 +145,7 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
     copied: Called = stub("evaluator.workflow.copy_samples", Path("s/e.toml"))
     stub("evaluator.workflow.prepare_processes")
     stub("evaluator.workflow.prepare_samples", samples)
+    drawn: Called = stub("evaluator.report.pages.demo.DemoPage.show_recording")
     asked: list[Any] = []
     monkeypatch.setattr(
         "evaluator.workflow.measure",
@@ -179,8 +181,17 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
         ("s/p.toml", "turnscope-demo/puzzle", True, False, None),
     ]
     assert len(reports) == 2
+    assert drawn[0][0] == (Path("s/turn-33-5.mp4"),)
+    page = Path("turnscope-demo/index.html").read_text(encoding="utf-8")
+    page = page[page.index("</header>") :]
+    parts = ("2 images, residual", "two\nradii", "a table\nof two lines", "results/report.html", "Nothing is missing")
+    places = [page.find(part) for part in (*parts, "puzzle/report.html", "Made by turnscope demo")]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert "refresh" not in page
     alone = run("demo", "--no-puzzle", "-q", "-o", "there", "--workers", "2")
     assert (alone.stdout, alone.return_value, len(reports)) == ("", 0, 3)
+    assert "refresh" not in Path("there/index.html").read_text(encoding="utf-8")
     assert asked[4:] == [("s/e.toml", "there/results", 2), ("s/e.toml", "there/results", True, True, 2)]
     samples.compiling = True  # a core is left to the compiler while recordings are measured
     for cores, given, measuring in ((8, (), 7), (1, (), 1), (8, ("--workers", "8"), 8)):
