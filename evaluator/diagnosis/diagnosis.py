@@ -32,6 +32,7 @@ from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, refined, search_named
 from evaluator.progress import Progress
 
+ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
 
 
@@ -73,11 +74,14 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         if suspect is None:
             break
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
-        alone = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
-        if alone and hides:
-            break
+        only = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
+        alone = only and not hides
         rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
-        again = None if alone and found.verdict == "effect" else _without(found, suspect, watch, fits, hides=hides)
+        again = (
+            None
+            if alone and found.verdict == "effect"
+            else _without(found, suspect, watch, fits, hides=hides, only=only)
+        )
         if again is None:
             return replace(found, reason=f"{found.reason}; {rests}") if alone else found
         if alone and again.verdict == "none":
@@ -89,9 +93,18 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
     return found
 
 
-def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None, *, hides: bool) -> Diagnosis | None:
+def _without(
+    found: Diagnosis,
+    suspect: int,
+    watch: Watch,
+    fits: FitCache | None,
+    *,
+    hides: bool,
+    only: bool,
+) -> Diagnosis | None:
     """The diagnosis of all runs except one; None if these do not need fewer effects, unless it hides effects.
 
+    only: whether no other run drives similarly; it is said of a run that hides effects.
     If the time limit is reached before, the verdict is "insufficient".
     """
     data, robots = found.session.data, found.session.robots
@@ -118,6 +131,8 @@ def _without(found: Diagnosis, suspect: int, watch: Watch, fits: FitCache | None
         left, right = found.leftover.random_effects[found.fit.runs.index(suspect), 1:3]
         gains = float(left), float(right)
     odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
+    if only and hides:
+        odd = replace(odd, sentence=f"{odd.sentence}; {ONLY_THERE}")
     return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
 
 

@@ -14,6 +14,7 @@ AROUND_JUMP = 10  # frames on either side of a jump over which the path is nearl
 MOST_JUMPS = 20  # positions of a run that are examined, those with the largest deviations first
 JUMP_WITHIN = 8  # frames: up to six of those next to a jump may have been rejected as outliers
 LEAST_JUMP_MM = 0.05  # if one side reverses 10 ms before the other, the position changes by 0.03 mm
+OF_ROUNDING = 1.5  # lines on either side of a step are each off by half the unit in x and y: √2 of it together
 MOST_LOST = 3  # consecutive frames that recorders drop without notice
 FEWEST_AROUND = 5  # frames on either side that determine a line and its scatter
 LEAST_SPEED_MM_S = 1e-9  # below it a robot is at rest, and what speed a line has is rounding
@@ -38,7 +39,9 @@ def jump(run: RunData) -> tuple[float, float] | None:
     frame_s = float(np.median(np.diff(time)))
     middle_steps = np.diff(_middle(marks), axis=0)
     steps = np.hypot(*middle_steps.T)
-    least_mm = max(LEAST_JUMP_MM, 4 * float(np.median(steps[steps > 0])) if stepping and steps.any() else 0.0)
+    least_mm = max(LEAST_JUMP_MM, OF_ROUNDING * _rounding_mm(marks))
+    if stepping and steps.any():
+        least_mm = max(least_mm, 4 * float(np.median(steps[steps > 0])))
     spans = np.maximum(np.diff(time), 1e-6)
     places = _largest_deviations(middle_steps, spans)
     sides = np.minimum(places + 1, len(time) - 1 - places)  # frames before and after
@@ -49,6 +52,12 @@ def jump(run: RunData) -> tuple[float, float] | None:
     best = int(np.argmax(sizes))
     at = (time[places[best]] + time[places[best] + 1]) / 2
     return (float(at), float(sizes[best])) if sizes[best] > 0 else None
+
+
+def _rounding_mm(marks_mm: Floats) -> float:
+    """The unit to which coordinates (n, 4) are rounded: the least difference between two of them; nm do not count."""
+    values = np.unique(np.round(marks_mm, 6))
+    return float(np.diff(values).min()) if len(values) > 1 else 0.0
 
 
 def _largest_deviations(steps_mm: Floats, spans_s: Floats) -> NDArray[np.int64]:

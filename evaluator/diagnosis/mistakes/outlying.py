@@ -33,11 +33,13 @@ def has_similar_runs(run: RunData, others: Sequence[RunData]) -> bool:
 
 
 def turns_like_others(run: RunData, others: Sequence[RunData]) -> bool:
-    """Whether other runs drive similarly with the same side slower.
+    """Whether other runs drive similarly with the same side slower, or the run has no slower side.
 
     Left out, the only sharp right turn among left turns makes whatever is wrong with these an effect of one side.
     """
-    return has_similar_runs(run, [other for other in others if _slower_sides(other) & _slower_sides(run)])
+    return _slower_sides(run) == {0.0} or has_similar_runs(
+        run, [other for other in others if _slower_sides(other) & _slower_sides(run)]
+    )
 
 
 def _slower_sides(run: RunData) -> set[float]:

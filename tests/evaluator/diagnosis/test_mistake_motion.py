@@ -265,3 +265,13 @@ def test_the_largest_displacement_elsewhere_in_a_rippled_run_is_met(phase: float
     places = np.arange(between[0] + 0.25, between[1] - 0.25 - length, 1 / RATE)
     largest = max(_missing_over(course, (begin, begin + length), between, 2.0)[0] for begin in places)
     assert 0.85 * largest < _missing_elsewhere(course, (-1.0, -1.0 + length), between, 2.0)
+
+
+def test_one_step_of_rounded_coordinates_is_no_jump() -> None:
+    """Both marks of a robot that drives along y step at one frame, and otherwise in turn: their middle is smooth."""
+    marks = moving(TIME, 1.5, 0.0, 0.5 * np.pi) + np.array([0.0, 0.01, 0.0, 0.035])
+    marks = np.round(marks / 0.05) * 0.05
+    marks[90:] += np.tile([0.05, -0.05], 2)
+    assert jump(recorded(marks, noise_mm=0.0)) is None
+    marks[90:] += np.tile([0.05, -0.05], 2)
+    assert jump(recorded(marks, noise_mm=0.0)) is not None

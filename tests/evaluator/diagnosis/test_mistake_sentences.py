@@ -151,6 +151,8 @@ def test_a_turn_is_like_others_with_the_same_side_slower() -> None:
     assert has_similar_runs(left, [right])
     assert not turns_like_others(left, [right])
     assert turns_like_others(left, [right, backward])
+    straight = replace(driven(3), left_rpm=20.0, right_rpm=20.0)  # leaves no side alone
+    assert turns_like_others(straight, [right])
 
 
 def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkeypatch: pytest.MonkeyPatch) -> None:
