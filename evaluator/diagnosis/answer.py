@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
-from evaluator.diagnosis.assessment.gap import beyond_noise
+from evaluator.diagnosis.assessment.gap import TOO_SMALL, beyond_noise
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
@@ -59,8 +59,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     reserve = ""
     if verdict != "unknown":
         material = beyond_noise(search.problem, search.fits[chosen]) > session.relevant.path_noise_floors
-        reserve = doubts(left, constant, material=material)
-        reserve = reserve or step_for_drift(search, chosen, session)
+        reserve = doubts(left, constant, material=material) or step_for_drift(search, chosen, session)
+        if not reserve and not material and (small := doubts(left, ())):
+            reason = f"{reason}; {small}, but {TOO_SMALL}"
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
         reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:

@@ -9,7 +9,9 @@ import numpy as np
 from evaluator.diagnosis.answer import too_few_runs
 from evaluator.diagnosis.assessment.disagreement import dependences, every_dependence, most_telling, pieces
 from evaluator.diagnosis.assessment.gap import (
+    TOO_SMALL,
     Gap,
+    beyond_noise,
     counting_data,
     farthest_followed,
     grown_gap,
@@ -92,12 +94,12 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         return replace(found, verdict="unknown", reason=reason)
     reason, open_ground = "", found.search.problem.open_ground
     if found.verdict == "none" and not found.negligible:
-        missed = unexplained(found.left, found.search.problem, found.session.relevant.path_noise_floors)
-        reason = (
-            f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
-            if missed
-            else ""
-        )
+        least = found.session.relevant.path_noise_floors
+        missed = unexplained(found.left, found.search.problem, least)
+        if missed and beyond_noise(found.search.problem, found.fit) > least:
+            reason = f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
+        elif missed:
+            found = replace(found, reason=f"{found.reason}; detected, but {TOO_SMALL}: {missed.sentence}")
     elif found.verdict == "effect":
         reason = grown_gap(found.gap, found.held_out, open_ground=open_ground)
     reason = reason or _missed_command(found)

@@ -24,6 +24,7 @@ from scipy import special
 from evaluator.comparison import simulated_poses, trajectory_gap
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.features import MODEL_FLOOR_MM
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -42,6 +43,7 @@ GROWN = 0.025  # probability, by chance, of so many runs with a larger gap: one 
 # (dust, a snagged tether, the boundary between two steady states) and are listed.
 MISSED = 2.5
 OF_WANDER = 4.0  # standard deviations of a Gaussian number per run: exceeded in one of 16,000 runs
+TOO_SMALL = "all that remains together moves the marks by too little to matter"
 CHANGED_FLOORS = 0.5  # of the noise floor: the default of a relevant change of the path
 
 
@@ -190,9 +192,14 @@ def _noise_mm(problem: Problem, runs: Sequence[int]) -> Floats:
 
 
 def beyond_noise(problem: Problem, fit: Fit) -> float:
-    """RMS distance of the marks beyond noise with a fit, over all its runs together, in noise floors."""
+    """RMS distance of the marks beyond noise with a fit, over all its runs together, in noise floors.
+
+    Start poses and random effects are those that minimize the distance, as in the gap: where friction varies along the
+    path, those of the fit follow the first frames, and a run of 18 s ends tens of micrometres away.
+    """
     runs = fit.runs
-    residuals = problem.residuals([fit.point.task(run) for run in runs])
+    placed = place_runs(problem.of_tracking, fit.point, runs, fit.posterior.scatter)
+    residuals = problem.residuals([placed.task(run) for run in runs])
     left_mm2 = np.array([np.nanmean(np.sum(item[:, :3] ** 2, axis=1)) for item in residuals])
     noise_mm2 = np.sum(_noise_mm(problem, runs) ** 2, axis=1) + _random_mm(problem, runs) ** 2
     return float(np.sqrt(max(0.0, np.sum(left_mm2 - noise_mm2)) / np.sum(noise_mm2)))

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
 from evaluator.diagnosis.answer import Answer, answer, step_for_drift, too_few_runs
+from evaluator.diagnosis.assessment.gap import TOO_SMALL
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.settings import Relevant
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 NONE, A, AB = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"})
 FREE = frozenset({"free:x"})
@@ -31,6 +35,8 @@ def answered(
     finding: bool = False,
     on_ground: bool = False,
     beyond: float = 0.6,
+    too_little: str = "too little",
+    small: str = "",
     asked: dict[str, Any] | None = None,
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
@@ -54,8 +60,10 @@ def answered(
         asked["constancy"] = fit
         return ["constant"]
 
-    def doubts(_: Any, halves: list[str], *, material: bool) -> str:
-        return "not asked of the halves" if halves != ["constant"] else reserve if material else "too little"
+    def doubts(_: Any, halves: Sequence[str], *, material: bool = True) -> str:
+        if not halves:
+            return small
+        return "not asked of the halves" if halves != ["constant"] else reserve if material else too_little
 
     parts: dict[str, Any] = {
         "rank_named": lambda *_: (table, A),
@@ -114,6 +122,13 @@ def test_residuals_are_a_reserve_where_they_move_the_marks_by_what_matters(
 ) -> None:
     """Half of the noise floor, unless the user says otherwise."""
     assert answered(monkeypatch, (NONE, "none"), reserve="residuals", beyond=beyond).reason == reason
+
+
+def test_residuals_that_do_not_matter_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = "residuals are 1.4 times the noise"
+    for beyond, reason in ((0.49, f"so; {told}, but {TOO_SMALL}"), (0.51, "so")):
+        found = answered(monkeypatch, (NONE, "none"), beyond=beyond, too_little="", small=told)
+        assert (found.verdict, found.reason) == ("none", reason)
 
 
 @pytest.mark.parametrize(("reserve", "step"), [("residuals", ""), ("", "a step")])

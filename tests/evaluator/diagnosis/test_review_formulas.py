@@ -100,10 +100,17 @@ def test_where_nothing_is_added_all_dependences_are_told_and_the_gap_after_is_th
 
 
 def doubted(
-    monkeypatch: pytest.MonkeyPatch, found: Diagnosis, *, missed: str = "", grown: str = "", few: str = ""
+    monkeypatch: pytest.MonkeyPatch,
+    found: Diagnosis,
+    *,
+    missed: str = "",
+    grown: str = "",
+    few: str = "",
+    beyond: float = 0.51,
 ) -> Diagnosis:
     """What is left of an answer where residuals, the gap, or the number of runs speak against it."""
     monkeypatch.setattr(review, "unexplained", lambda *_: SimpleNamespace(sentence=missed) if missed else None)
+    monkeypatch.setattr(review, "beyond_noise", lambda *_: beyond)
     monkeypatch.setattr(review, "grown_gap", lambda *_, **__: grown)
     monkeypatch.setattr(review, "not_shrunk", lambda *_: grown)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
@@ -114,7 +121,7 @@ def doubted(
 def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
     runs = more.pop("runs", ())
     parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5), data=runs), "gap": "gap"}
-    parts["search"] = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
+    parts["search"] = SimpleNamespace(problem=SimpleNamespace(open_ground=False), fits={chosen: "fit"})
     return Diagnosis(verdict, "so", chosen=chosen, **parts, **more)
 
 
@@ -150,6 +157,15 @@ def test_a_model_that_follows_no_run_is_unknown_and_effects_that_do_not_matter_l
     assert (found.verdict, found.reason.split(" ")[0]) == ("unknown", "neither")
     small = answered("none", TILT, negligible=TILT)
     assert doubted(monkeypatch, small, missed="yaw").verdict == "none"
+
+
+def test_a_dependence_of_residuals_within_noise_is_told_and_contradicts_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = doubted(monkeypatch, answered("none", frozenset()), missed="yaw is off", beyond=0.49)
+    assert found.verdict == "none"
+    told = "all that remains together moves the marks by too little to matter"
+    assert found.reason == f"so; detected, but {told}: yaw is off"
 
 
 @pytest.mark.parametrize(("outlying", "said"), [((0, 1), "unknown"), ((0, 2), "effect")])

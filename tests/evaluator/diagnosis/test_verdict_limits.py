@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from evaluator.diagnosis.assessment import cross_validation
+from evaluator.diagnosis.assessment import cross_validation, gap
 from evaluator.diagnosis.assessment.adequacy import unlike_runs
 from evaluator.diagnosis.assessment.gap import Gap, beyond_noise, not_shrunk
 from evaluator.diagnosis.assessment.knowledge import strained
@@ -48,15 +48,15 @@ def test_a_run_is_unlike_the_others_where_chance_makes_one_so_in_a_thousand_expe
 def test_a_gap_of_held_out_runs_has_to_shrink_where_it_is_two_and_a_half_times_the_noise_floor(
     before: float, contradicted: bool
 ) -> None:
-    gap = Gap(np.array([9.0, before]), np.array([1.0, before]), np.ones(2), np.ones(2), np.ones(2))
-    assert bool(not_shrunk(gap, [1])) == contradicted
+    seen = Gap(np.array([9.0, before]), np.array([1.0, before]), np.ones(2), np.ones(2), np.ones(2))
+    assert bool(not_shrunk(seen, [1])) == contradicted
 
 
 @pytest.mark.parametrize(
     ("off_mm", "random_mm", "floors"), [(0.0, 0.0, 0.0), (6.0, 0.0, 0.980), (6.0, 4.0, 0.696), (6.0, 8.0, 0.0)]
 )
 def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
-    off_mm: float, random_mm: float, floors: float
+    off_mm: float, random_mm: float, floors: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two runs with noise of 3, 4 and 5 mm along x, y and the direction; one of them is off in its direction."""
     noise = [SimpleNamespace(sigma_mm=sigma) for sigma in (3.0, 4.0, 5.0, 1.0)]
@@ -68,8 +68,12 @@ def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
         noise=[noise, noise],
         residuals=lambda tasks: [runs[task] for task in tasks],
         compressions=[SimpleNamespace(random_mm=random_mm)] * 2,
+        of_tracking="noise of tracking alone",
     )
-    fit: Any = SimpleNamespace(runs=(0, 1), point=SimpleNamespace(task=lambda run: run))
+    placed = SimpleNamespace(task=lambda run: run)
+    monkeypatch.setattr(gap, "place_runs", lambda *asked: placed if asked == wanted else None)
+    fit: Any = SimpleNamespace(runs=(0, 1), point="fitted", posterior=SimpleNamespace(scatter="scatter"))
+    wanted = "noise of tracking alone", "fitted", (0, 1), "scatter"
     assert beyond_noise(problem, fit) == pytest.approx(floors, abs=1e-3)
 
 
