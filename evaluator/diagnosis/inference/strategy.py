@@ -129,7 +129,10 @@ def _extend_without_scatter(search: Search, fit: Fit, inside: Sequence[str], oth
     """
     begin = replace(fit, point=fit.point.without_scatter())
     unasked = [term for term in others if not term.stepwise and term.id not in search.asked]
-    view = screen(search, begin.point, inside, unasked)
+    try:
+        view = screen(search, begin.point, inside, unasked)
+    except FloatingPointError:  # runs that only their own friction lets through
+        return
     base = view.evidence()
     gaining = [offer for offer in _ordered(view, view.offers) if view.evidence(offer) > base + PROMISING]
     missed = [(offer,) for offer in gaining if fit.terms | {offer[0]} not in search.fits]

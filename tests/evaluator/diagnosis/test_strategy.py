@@ -54,6 +54,23 @@ def test_what_the_view_from_the_null_overlooks_is_fitted_from_the_model_as_its_f
     assert search.ranked()[0] == SCALE
 
 
+def test_nothing_is_added_where_runs_without_their_own_friction_cannot_be_simulated(
+    faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A diagnosis ended there, with a sentence that blamed the robot file."""
+    empty, nominal = faster
+    search = empty.anew()
+    null = fit_model(search.problem, nominal, [], search.tolerance, search.runs)
+    search.fits[NOTHING] = replace(null, point=replace(null.point, per_run=null.point.per_run + 1e-3))
+
+    def seen(_: Search, point: Point, *__: object) -> None:
+        raise FloatingPointError(f"cannot be simulated at {point.per_run[0, 3:].tolist()}")
+
+    monkeypatch.setattr(strategy, "screen", seen)
+    strategy._extend_without_scatter(search, search.null, (), tuple(search.terms.values()))
+    assert list(search.fits) == [NOTHING]
+
+
 def test_a_fit_of_what_the_user_asks_for_begins_where_its_file_says(
     faster: tuple[Search, Point], monkeypatch: pytest.MonkeyPatch
 ) -> None:
