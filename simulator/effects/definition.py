@@ -12,11 +12,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from simulator.dynamics.scale import USUAL_DISTANCE_MM
 from simulator.dynamics.terms import Term
 from simulator.effects.coordinates import Candidate, Scene, plain
 from simulator.effects.draft import Draft
-from simulator.effects.parameter import Parameter
+from simulator.effects.parameter import ON_PLATE, Parameter
 from simulator.effects.view import View
+
+SOUGHT_ON_GROUND = (
+    "A diagnosis seeks it only for robots whose wheels are on average more than "
+    f"{ON_PLATE * USUAL_DISTANCE_MM:.0f} mm from their middle; it is simulated for all."
+)
 
 Values = Mapping[str, float]
 Draws = Mapping[str, NDArray[np.float64]]
@@ -65,6 +71,11 @@ class Effect:
     fitted: Callable[[Scene], Candidate] | None = None
     single_cause: SingleCause | None = None
     sum_of: tuple[tuple[str, Term], ...] = ()
+
+    @property
+    def where_valid(self) -> str:
+        """Limits of its validity, and of a diagnosis, in sentences."""
+        return f"{self.limits} {SOUGHT_ON_GROUND}" if self.of_ground else self.limits
 
     def absent(self) -> dict[str, float]:
         """Parameters at which the effect vanishes."""

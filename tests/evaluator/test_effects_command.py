@@ -50,6 +50,13 @@ def test_every_effect_states_law_source_limits_and_parameters(effect_id: str) ->
         assert item["low"] is None or item["low"] <= item["absent"] <= item["high"]
 
 
+@pytest.mark.parametrize(("effect_id", "told"), [("friction-across", True), ("scrub-torque", False)])
+def test_an_effect_that_a_diagnosis_seeks_for_large_robots_only_says_so(effect_id: str, *, told: bool) -> None:
+    assert EFFECTS[effect_id].of_ground == told
+    text = said(effect_id)
+    assert ("more than 45 mm from their middle" in " ".join(text.split())) == told
+
+
 def test_a_misspelt_effect_is_answered_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean plate-tilt"):
         said("plate-tlit")

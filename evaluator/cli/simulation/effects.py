@@ -110,7 +110,7 @@ def described(effect: Effect) -> dict[str, Any]:
         "sentence": effect.sentence,
         "law": effect.law,
         "source": effect.source,
-        "limits": effect.limits,
+        "limits": effect.where_valid,
         "kind": effect.kind,
         "varies_by_run": effect.varies_by_run,
         "parameters": [
@@ -142,7 +142,7 @@ def _text(effect: Effect) -> str:
     lines.write_paragraph()
     lines.write_text(effect.sentence)
     lines.write_paragraph()
-    lines.write_dl([("law", effect.law), ("source", effect.source), ("limits", effect.limits)])
+    lines.write_dl([("law", effect.law), ("source", effect.source), ("limits", effect.where_valid)])
     return f"{lines.getvalue()}\n{text_table(HEAD, parameter_rows(effect))}"
 
 

@@ -74,7 +74,7 @@ def _section(effect: Effect, robot: Robot, plain: pd.DataFrame) -> Section:
             effect.sentence,
             f"Law: {effect.law}.",
             f"Source: {effect.source}.",
-            f"Limits: {effect.limits}",
+            f"Limits: {effect.where_valid}",
         ),
         figures=(effect_figure(effect.id, sizes, table),),
         tables=(
