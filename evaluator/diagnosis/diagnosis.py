@@ -122,8 +122,8 @@ def _without(
     if not hides and (again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler)):
         return None
     if _is_followed(found, again, suspect):
-        more = ", ".join(sorted(found.chosen - again.chosen)) or "more than noise"
-        why = f"{more} rests on this run alone; repeat it"
+        more = ", ".join(sorted(found.chosen - again.chosen))
+        why = f"the other runs do not need {more}; repeat it" if more else "more than noise in it alone; repeat it"
         return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None

@@ -99,6 +99,20 @@ def of(evidence: float, *, excess: float = 1.0, converged: bool = True) -> Any:
     return found
 
 
+@pytest.mark.parametrize(
+    ("pair", "single", "pays"), [(of(5.0), of(5.1), False), (of(5.2), of(5.1), True), (None, of(9.0), True)]
+)
+def test_nothing_is_added_to_two_effects_of_which_one_alone_is_more_probable(
+    pair: Any, single: Any, pays: bool
+) -> None:
+    """A pair whose fit has not converged may still be the better one."""
+    both, b = A | {"b"}, frozenset({"b"})
+    fits = {NONE: of(0.0), A: of(1.0), b: single, **({both: pair} if pair else {})}
+    search = searching(fits=fits, failed={} if pair else {both: of(-3.0)})
+    assert strategy._pays(search, both) == pays
+    assert strategy._pays(search, A)  # a single effect has no effects alone but itself
+
+
 def test_the_best_fit_explains_the_runs_below_one_and_a_half_times_the_noise() -> None:
     assert searching(fits={NONE: of(1.0), A: of(5.0, excess=1.49)}).explained == 5.0
     assert searching(fits={NONE: of(1.0), A: of(5.0, excess=1.51)}).explained == -np.inf
