@@ -26,6 +26,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    together_sentence,
     unlike_sentences,
     verdict_sentence,
     where_sentences,
@@ -46,7 +47,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         for name, value in effect["parameters"].items():
             best, low, high = sizes(name, value, effect["id"])
             lines.append(f"  {name} = {best}  [95 %: {low} to {high}]")
-        lines.append(equivalents_sentence(effect))
+        lines += [together_sentence(effect), equivalents_sentence(effect)]
     lines += [
         gap_sentence(content),
         predicted_sentence(content),

@@ -82,7 +82,7 @@ def commands_at(levels_rpm: Sequence[float], *, pivots: bool = False) -> list[tu
     forward = {
         pair for level in levels for share in shares for pair in ((level, level * share), (level * share, level))
     }
-    return sorted(forward | {(-left, -right) for left, right in forward})
+    return sorted(forward | {(0.0 - left, 0.0 - right) for left, right in forward})  # no -0
 
 
 def placed(
@@ -107,7 +107,9 @@ def placed(
             if (free >= 0).all():
                 for place in places:
                     x, y = np.array(room.middle_mm) + np.array(place) * free - (low + high) / 2
-                    yield CandidateRun(*command, heading, round(float(x), 1), round(float(y), 1), float(seconds))
+                    yield CandidateRun(
+                        *command, heading, round(float(x), 1) + 0.0, round(float(y), 1) + 0.0, float(seconds)
+                    )
                 break
 
 

@@ -24,6 +24,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    together_sentence,
     unlike_sentences,
     verdict_sentence,
     where_sentences,
@@ -56,7 +57,8 @@ def _verdict(view: DiagnosisView) -> Section:
     text = [verdict_sentence(content), as_sentence(str(content.get("reason") or ""))]
     if view.outdated:
         text.insert(0, "Recordings, robot or program changed after this diagnosis: run turnscope diagnose again.")
-    text += [equivalents_sentence(effect) for effect in content.get("effects") or []]
+    for effect in content.get("effects") or []:
+        text += [together_sentence(effect), equivalents_sentence(effect)]
     text += [rivals_sentence(content), separations_sentence(content)]
     rows = [
         (effect["name"], *parameter(name, effect["id"]), best, f"{low} to {high}")

@@ -87,6 +87,19 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot distinguish it from: {', or '.join(named)}."
 
 
+def together_sentence(effect: Json) -> str:
+    """That an effect of several parameters acts though each interval contains the value at which it does not."""
+    parameters, id_ = effect["parameters"], effect["id"]
+    if len(parameters) < 2 or id_ not in EFFECTS:
+        return ""
+    absent = EFFECTS[id_].absent()
+    within = (None not in (item["low"], item["high"]) for item in parameters.values())
+    if not all(within) or not all(item["low"] <= absent[name] <= item["high"] for name, item in parameters.items()):
+        return ""
+    none = " and ".join(f"{name} = {absent[name]:g}" for name in parameters)
+    return f"Each of these values may be the one of no effect, but not all at once ({none})."
+
+
 MOST_NAMED = 6  # runs left out for one reason
 REPORTED_LOG_ODDS = math.log(20.0)  # a rival with less probability against it than 5 % is reported
 

@@ -33,6 +33,7 @@ def test_commands_are_straight_and_turns_to_both_sides_forward_and_backward() ->
     assert commands_at([20.0]) == sorted(forward | {(-left, -right) for left, right in forward})
     pivots = {(20.0, 0.0), (0.0, 20.0), (20.0, -20.0), (-20.0, 20.0)}
     assert pivots | {(10.0, -10.0), (-10.0, 0.0)} <= set(commands_at([20.0], pivots=True))
+    assert "-0.0" not in str(commands_at([20.0], pivots=True))
     many = {max(pair) for pair in commands_at([0.0, *np.linspace(3.0, 60.0, 20)]) if pair[0] == pair[1] > 0}
     assert (len(many), min(many), max(many)) == (8, 3.0, 60.0)
 

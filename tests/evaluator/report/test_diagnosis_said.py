@@ -28,11 +28,13 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    together_sentence,
     unlike_sentences,
     verdict_sentence,
 )
 from evaluator.report.numbers import UNKNOWN
 from evaluator.report.verdict import verdict_lines
+from simulator.effects.catalogue import EFFECTS
 
 GAP = {"before": {"fit": 0.41, "held_out": 0.44}, "after": {"fit": 0.006, "held_out": 0.007}, "noise_floor": 0.005}
 EFFECT = {"id": "plate-tilt", "name": "the plate is not level", "probability": 0.998, "parameters": {}}
@@ -306,3 +308,24 @@ def test_what_a_terminal_shows_has_findings_once_and_runs_not_followed_where_a_m
     assert "follow" not in " ".join(lost)
     first = verdict_lines({**content, "mistakes": [{"sentence": "r1: backward", "runs": ["r1"]}]})
     assert first[0] == "r1: backward."
+
+
+@pytest.mark.parametrize(
+    ("id_", "bounds", "said"),
+    [
+        ("command-lag", ((0.0, 0.01), (0.0, 0.03)), "(dead_time_s = 0 and time_constant_s = 0)"),
+        ("command-lag", ((0.0, 0.01), (0.02, 0.03)), ""),
+        ("magnet-strength", ((0.9, 1.1), (0.5, 1.5)), "(driving_factor = 1 and driven_factor = 1)"),
+        ("magnet-strength", ((0.9, 1.1), (1.1, 1.5)), ""),
+        ("magnet-strength", ((0.9, 1.1), (None, 1.5)), ""),
+        ("axle-compliance", ((-0.1, 0.1),), ""),  # of one value
+        ("free:x", ((-0.1, 0.1), (-0.1, 0.1)), ""),
+    ],
+)
+def test_values_that_may_each_be_those_of_no_effect_are_not_all_at_once(
+    id_: str, bounds: tuple[tuple[float | None, float], ...], said: str
+) -> None:
+    names = [item.name for item in EFFECTS[id_].parameters] if id_ in EFFECTS else ["a", "b"]
+    content = {name: {"value": 0.0, "low": low, "high": high} for name, (low, high) in zip(names, bounds, strict=True)}
+    found = together_sentence({"id": id_, "parameters": content})
+    assert found == (f"Each of these values may be the one of no effect, but not all at once {said}." if said else "")
