@@ -16,6 +16,7 @@ WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by 
 ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated; over so short a path, a chord is as long as the arc
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in its scatter and in mm, that shows motion
 MOVING_FRAMES = 4  # consecutive frames: one or two may be noise, or wrong marks in succession
+STAYS_AWAY = 0.8  # of the frames in ONSET_SPAN_S: noise that a tracker smoothed over nine frames returns within five
 FEWEST_AT_REST = 3  # one wrong frame does not move their median
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
 LACKS_A_FRAME = 1.5  # usual times between frames: of ten frames a second none is missing, though each is 0.1 s apart
@@ -104,6 +105,8 @@ def onset(run: RunData) -> Onset | None:
     least = ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     beyond = away > least
     moving = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(beyond, MOVING_FRAMES).all(axis=1))
+    ends = np.searchsorted(time, time[moving] + ONSET_SPAN_S)
+    moving = moving[[beyond[at:end].mean() >= STAYS_AWAY for at, end in zip(moving, ends, strict=True)]]
     if not len(moving) or moving[0] < rest:
         return None
     first = int(moving[0])

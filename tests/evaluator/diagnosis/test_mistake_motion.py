@@ -90,6 +90,13 @@ def test_a_robot_that_never_moves_or_moves_from_the_first_frame_has_no_onset() -
         assert (onset_s(noted) is not None) == moves
 
 
+def test_noise_that_a_tracker_smoothed_is_no_onset() -> None:
+    run = started(1.0)
+    marks = run.marks_mm.copy()
+    marks[16:25, 2] += 0.06  # a wrong frame in a mean of nine: nine frames to one side
+    assert onset_s(replace(run, marks_mm=marks)) == pytest.approx(1.0, abs=0.01)
+
+
 def test_one_frame_beside_its_place_is_no_onset() -> None:
     run = started(1.0)
     marks = run.marks_mm.copy()
