@@ -26,6 +26,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    smoothed_sentence,
     together_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -52,6 +53,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         gap_sentence(content),
         predicted_sentence(content),
         scatter_sentence(content),
+        smoothed_sentence(content),
         preferred_sentence(content),
     ]
     if content.get("runs_not_followed") and closes(content):

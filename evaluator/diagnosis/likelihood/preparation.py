@@ -26,6 +26,7 @@ from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
+from evaluator.diagnosis.likelihood.noise.smoothing import averaged_frames, is_smoothed
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
@@ -59,7 +60,28 @@ def build_problem(
         watch=watch or Watch(),
     )
     point = Point(aligned_starts(data, forward))
-    return with_noise_of(bare, point), point
+    return with_noise_of(_without_averaged_frames(bare, point), point), point
+
+
+def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
+    """The problem without frames near changes of the motion if the tracks are smoothed: see noise/smoothing.py.
+
+    On open ground poses are filtered as well, but a frame of them moves the robot by less than the ground does.
+    """
+    if problem.open_ground:
+        return problem
+    changes = [[run.start_s, *jumps_of(run.run_command.command)] for run in problem.data]
+    near = [averaged_frames(run.time_s, at) for run, at in zip(problem.data, changes, strict=True)]
+    channels = tuple(np.where(part[:, None], np.nan, item) for part, item in zip(near, problem.channels, strict=True))
+    without = replace(problem, channels=channels, smoothed=True)
+    residuals = without.residuals([point.task(run) for run in range(len(problem.data))])
+    spectra = [
+        item
+        for run, left in zip(problem.data, residuals, strict=True)
+        if np.isfinite(left).all(axis=1).sum() > 1
+        for item in residual_spectra(run.time_s, left, run.start_s + SETTLING_S)[:2]
+    ]
+    return without if is_smoothed(spectra) else problem
 
 
 def with_noise_of(problem: Problem, point: Point) -> Problem:

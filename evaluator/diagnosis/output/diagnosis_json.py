@@ -246,6 +246,7 @@ def _noise(diagnosis: Diagnosis) -> NoiseContent:
         "common_drift_mm": rounded(common.about_mean_mm(span_s)),
         "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),
         "correlation_s": rounded(parts[0][0].correlation_s),
+        "smoothed": problem.smoothed,
         "run_to_run": None
         if problem.open_ground
         else {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},

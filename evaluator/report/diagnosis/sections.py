@@ -24,6 +24,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    smoothed_sentence,
     together_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -170,6 +171,7 @@ def _small_print(content: Json) -> Section | None:
                 f"Friction varies by {percent_text(noise['friction_in_10_mm'])} over 10 mm of path, for example on a "
                 "plate that is unevenly clean. This is treated as noise."
             )
+    text.append(smoothed_sentence(content))
     text += unlike_sentences(content)
     text.append(left_out_sentence(content))
     text.append(not_tried_sentence(content))

@@ -283,6 +283,16 @@ def scatter_sentence(content: Json) -> str:
     )
 
 
+def smoothed_sentence(content: Json) -> str:
+    """That frames of smoothed tracks were not used; empty if the tracks are not smoothed."""
+    if not (content.get("noise") or {}).get("smoothed"):
+        return ""
+    return (
+        "The tracks are smoothed over several frames, so that those near a start, a stop or a change of the command, "
+        "which average over it, are not used. Tracks without smoothing show more."
+    )
+
+
 def in_words(text: str) -> str:
     """A sentence with the ids of free-form terms replaced by words."""
     return re.sub(re.escape(PREFIX) + r"[\w.+=-]+", lambda match: effect_words(match[0]), text)

@@ -74,6 +74,7 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     drift = Drift(0.003, 1e9)
     parts = [(Noise(white, 0.0, 0.25, NO_DRIFT, drift),) for white in (0.004, 0.005, 0.009)]
     problem = SimpleNamespace(noise=parts, common_drift=drift, data=RUNS, friction_wander=0.01, open_ground=False)
+    problem.smoothed = True
     fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([0.02, 0.003, 0.003, 1.0])))
     found: Any = SimpleNamespace(problem=problem, fit=fit)
     said = diagnosis_json._noise(found)
@@ -81,6 +82,7 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     assert said["friction_in_10_mm"] == pytest.approx(0.01 * np.sqrt(10), rel=1e-5)
     assert said["common_drift_mm"] == pytest.approx(drift.about_mean_mm(4.0), rel=1e-4)
     assert said["correlation_s"] == 0.25
+    assert said["smoothed"]
     assert said["run_to_run"] == {"friction": 0.02, "wheel_speed": 0.003}
     problem.open_ground = True
     assert diagnosis_json._noise(found)["run_to_run"] is None

@@ -28,6 +28,7 @@ from evaluator.report.diagnosis.words import (
     rivals_sentence,
     scatter_sentence,
     separations_sentence,
+    smoothed_sentence,
     together_sentence,
     unlike_sentences,
     verdict_sentence,
@@ -329,3 +330,8 @@ def test_values_that_may_each_be_those_of_no_effect_are_not_all_at_once(
     content = {name: {"value": 0.0, "low": low, "high": high} for name, (low, high) in zip(names, bounds, strict=True)}
     found = together_sentence({"id": id_, "parameters": content})
     assert found == (f"Each of these values may be the one of no effect, but not all at once {said}." if said else "")
+
+
+def test_frames_of_smoothed_tracks_that_are_not_used_are_told() -> None:
+    assert smoothed_sentence({"noise": {"smoothed": True}}).startswith("The tracks are smoothed over several frames")
+    assert [smoothed_sentence(content) for content in ({"noise": {"smoothed": False}}, {"noise": None}, {})] == [""] * 3
