@@ -82,9 +82,10 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
 
 def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
-    assert found.gap is not None
-    assert found.search is not None
-    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(found.gap, found.held_out)):
+    gap, search = found.gap, found.search
+    assert gap is not None
+    assert search is not None
+    if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(gap, found.held_out)):
         # a free-form term that does not predict held-out runs does not describe the missing physics
         return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
     if found.verdict in ("unknown", "insufficient"):
@@ -92,19 +93,19 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     if not found.follows:
         reason = "neither the nominal model nor any effect could be fitted to the marks"
         return replace(found, verdict="unknown", reason=reason)
-    reason, open_ground = "", found.search.problem.open_ground
+    reason, open_ground = "", search.problem.open_ground
     if found.verdict == "none" and not found.negligible:
         least = found.session.relevant.path_noise_floors
-        missed = unexplained(found.left, found.search.problem, least)
-        if missed and beyond_noise(found.search.problem, found.fit) > least:
+        missed = unexplained(found.left, search.problem, least)
+        if missed and beyond_noise(search.problem, found.fit) > least:
             reason = f"significant residuals remain with all values adjusted within their tolerances: {missed.sentence}"
         elif missed:
             found = replace(found, reason=f"{found.reason}; detected, but {TOO_SMALL}: {missed.sentence}")
     elif found.verdict == "effect":
-        reason = grown_gap(found.gap, found.held_out, open_ground=open_ground)
+        reason = grown_gap(gap, found.held_out, open_ground=open_ground)
     reason = reason or _missed_command(found)
     few = "runs of more commands are needed" if open_ground and found.chosen else ""
-    if reason and (few := few or too_few_runs(found.search, frozenset(), found.session)):
+    if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
         reason = f"{fitted}{reason.removeprefix('with it, ')}; {few}"
         plain = replace(found, verdict="insufficient", reason=reason, chosen=frozenset(), profiles={})

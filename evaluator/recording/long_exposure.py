@@ -3,27 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.recording.frame import Frame
+from evaluator.recording.frame import Frame, Plane
 
-# Of the frames, 1 in 6: a mark of 1 mm then overlaps with itself up to 10 mm/s at 60 frames/s. Another frame is taken
-# where it is more colourful by so many levels of 8 bits; compression changes the colour of a grey plate by a few.
-EVERY, MORE_COLOURFUL = 6, 40
+# Of the frames, 1 in 12: a mark of 1 mm then overlaps with itself up to 5 mm/s at 60 frames/s. Another frame is taken
+# where it is more colourful by this share of the range; compression changes the colour of a grey plate by less.
+EVERY, MORE_COLOURFUL = 12, 0.08
 
 
 def long_exposure(frames: Iterable[Frame]) -> NDArray[np.uint8]:
-    """RGB image (height, width, 3) of a recording with at least one frame."""
-    image, most = np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.int16)
-    for frame in islice(frames, 0, None, EVERY):
-        rgb = frame.to_rgb()
-        colour = rgb.max(axis=2).astype(np.int16) - rgb.min(axis=2)
-        if not image.size:
-            image, most = rgb, colour
+    """RGB image (height, width, 3) of a recording with at least one frame; of a grey one, its first frame."""
+    frames = islice(frames, 0, None, EVERY)
+    first = next(frames)
+    if first.u is None or first.v is None:
+        return first.to_rgb()
+    shown = replace(first, luma=first.luma.copy(), u=first.u.copy(), v=first.v.copy())
+    assert shown.u is not None
+    assert shown.v is not None
+    most = _colourfulness(first.u, first.v, first.depth)
+    more_by = int(MORE_COLOURFUL * 2**first.depth)
+    across, down = -(-first.luma.shape[1] // first.u.shape[1]), -(-first.luma.shape[0] // first.u.shape[0])
+    for frame in frames:
+        assert frame.u is not None
+        assert frame.v is not None
+        colour = _colourfulness(frame.u, frame.v, frame.depth)
+        more = colour > most + more_by
+        if not more.any():
             continue
-        more = colour > most + MORE_COLOURFUL
-        image[more], most[more] = rgb[more], colour[more]
-    return image
+        shown.u[more], shown.v[more], most[more] = frame.u[more], frame.v[more], colour[more]
+        wide = np.repeat(np.repeat(more, down, axis=0), across, axis=1)[: first.luma.shape[0], : first.luma.shape[1]]
+        shown.luma[wide] = frame.luma[wide]
+    return shown.to_rgb()
+
+
+def _colourfulness(u: Plane, v: Plane, depth: int) -> NDArray[np.int32]:
+    """Distance from grey by pixel of the colour planes, in their levels."""
+    grey = 1 << (depth - 1)
+    return np.asarray(np.abs(u.astype(np.int32) - grey) + np.abs(v.astype(np.int32) - grey))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluator.errors import InputError
-from evaluator.report.style import INK, MEASURED, SIMULATED, THEORY
+from evaluator.report.pages.colors import INK
+from evaluator.report.style import MEASURED, SIMULATED, THEORY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from evaluator.report.pages.colors import INK
 from evaluator.report.runs import RunView, column
-from evaluator.report.style import INK, MEASURED, SIMULATED, Figure, drawing
+from evaluator.report.style import MEASURED, SIMULATED, Figure, drawing
 
 MOST_ROWS = 40  # more would be unreadable; the runs that disagree most are kept
 

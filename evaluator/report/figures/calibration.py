@@ -13,7 +13,8 @@ from calibration.camera import Camera
 from calibration.estimation.calibrate import Calibration
 from calibration.estimation.flatness import face_terms
 from calibration.lens import undistort
-from evaluator.report.style import BLUE, GROUPS, INK, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.pages.colors import BLUE, INK, SOFT, VERMILLION
+from evaluator.report.style import GROUPS, Figure, drawing
 
 NO_SHIFT_PX = 1e-6  # a thousandth of the best dot centre's uncertainty
 MOST_STRETCH = 10_000.0  # an arrow of 10 px is then 0.001 px, the uncertainty of the best dots

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
-from evaluator.report.style import BLUE, INK, PAPER, SOFT, VERMILLION, Figure, Line, drawing
+from evaluator.report.pages.colors import BLUE, INK, PAPER, SOFT, VERMILLION
+from evaluator.report.style import Figure, Line, drawing
 
 MOST_PANELS = 6  # two rows; the map has all dependences
 MOST_POINTS = 250  # of a panel: more points overlap, and increase the size of the page

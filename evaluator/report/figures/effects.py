@@ -6,7 +6,8 @@ import math
 
 import pandas as pd
 
-from evaluator.report.style import INK, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.pages.colors import INK, SOFT, VERMILLION
+from evaluator.report.style import Figure, drawing
 
 
 def effect_figure(effect_id: str, sizes: str, table: pd.DataFrame) -> Figure:

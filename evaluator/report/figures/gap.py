@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.numbers import METRES, MILLIMETRES
-from evaluator.report.style import BLUE, FAINT, INK, SOFT, VERMILLION, Figure, drawing, plain_numbers
+from evaluator.report.pages.colors import BLUE, FAINT, INK, SOFT, VERMILLION
+from evaluator.report.style import Figure, drawing, plain_numbers
 
 MOST_ROWS = 40  # more would be unreadable
 AFTER = "; dots: with the effects found"

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from evaluator.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, Figure, drawing
+from evaluator.report.pages.colors import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
+from evaluator.report.style import Figure, drawing
 from simulator.slip.curves import CURVE_RATIOS
 
 COLORS = (INK, BLUE, SKY, GREEN, YELLOW, ORANGE, VERMILLION, PURPLE)

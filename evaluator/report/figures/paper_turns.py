@@ -8,19 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from evaluator.report.style import (
-    BLUE,
-    GROUPS,
-    INK,
-    PAPER,
-    SIMULATED,
-    THEORY,
-    VERMILLION,
-    Figure,
-    Series,
-    drawing,
-    plain_numbers,
-)
+from evaluator.report.pages.colors import BLUE, INK, PAPER, VERMILLION
+from evaluator.report.style import GROUPS, SIMULATED, THEORY, Figure, Series, drawing, plain_numbers
 
 
 def trajectory_figure(number: str, table: pd.DataFrame, published_mm: dict[str, float]) -> Figure:

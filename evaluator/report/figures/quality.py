@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from calibration.camera import Camera
+from evaluator.report.pages.colors import BLUE, INK, SOFT, VERMILLION
 from evaluator.report.runs import RunView, column
-from evaluator.report.style import BLUE, INK, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.style import Figure, drawing
 
 MOST_RUNS = 40  # rows of a figure that fits a screen
 

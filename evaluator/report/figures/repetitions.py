@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Rectangle
 
+from evaluator.report.pages.colors import FAINT, INK
 from evaluator.report.runs import RunView
-from evaluator.report.style import FAINT, INK, MEASURED, Figure, drawing
+from evaluator.report.style import MEASURED, Figure, drawing
 from evaluator.turning.motion.curvature import Z_975
 
 MOST_ROWS = 30  # more would be unreadable; the commands that scatter most are kept

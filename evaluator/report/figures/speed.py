@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from evaluator.report.pages.colors import INK
 from evaluator.report.runs import RunView, column
-from evaluator.report.style import INK, THEORY, Figure, drawing, mark_lines
+from evaluator.report.style import THEORY, Figure, drawing, mark_lines
 
 
 def straight_speed(runs: Sequence[RunView], wheel_radius_mm: float) -> Figure | None:

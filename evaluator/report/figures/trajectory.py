@@ -9,8 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
+from evaluator.report.pages.colors import BLUE, INK
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, INK, Figure, Line, drawing, in_units, mark_lines
+from evaluator.report.style import Figure, Line, drawing, in_units, mark_lines
 
 MOST_POINTS = 240  # of a drawn curve: errors below a tenth of a pixel for a turn that fills its panel
 CENTRE = Line("ink", "centre", 1.8)

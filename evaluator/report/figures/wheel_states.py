@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from evaluator.report.numbers import METRES, true_minus, unit_for
-from evaluator.report.style import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION, Figure, drawing
+from evaluator.report.pages.colors import BLUE, FAINT, INK, PAPER, SOFT, VERMILLION
+from evaluator.report.style import Figure, drawing
 from simulator.robot import Robot
 from simulator.steady import SteadyTurn
 

@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 
 from evaluator.report.numbers import significant
+from evaluator.report.pages.colors import BLUE, ORANGE
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView
-from evaluator.report.style import BLUE, ORANGE, Figure, drawing, in_units
+from evaluator.report.style import Figure, drawing, in_units
 from evaluator.turning.budget import Budget, Contribution
 
 LEAST_PERCENT = 1e-4  # shorter bars are not visible

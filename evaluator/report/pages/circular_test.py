@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from evaluator.report.numbers import SERIES_HEAD, series_row
+from evaluator.report.pages.colors import INK
 from evaluator.report.pages.html import Section, Table
-from evaluator.report.style import INK, MEASURED, SIMULATED, Figure, drawing
+from evaluator.report.style import MEASURED, SIMULATED, Figure, drawing
 from evaluator.workflow import CircularResult, circular_test_table
 
 CAPTION = (

@@ -5,12 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup, escape
 
-from evaluator.report.style import THEME, Figure, Line
-from evaluator.report.summary import Number
+from evaluator.report.pages.colors import THEME
+
+if TYPE_CHECKING:  # a page without figures is written before their libraries are imported
+    from evaluator.report.style import Figure, Line
+    from evaluator.report.summary import Number
+
 
 # No line break between a number and its unit, nor within a command such as −33.3 / −14.4 rpm.
 HELD_TOGETHER = re.compile(r"(?<=\d) (?=(?:%|(?:°|mm|µm|px|rpm|deg|s|mN|1/m)(?![\w]))|/ [−\d])|(?<=\d /) (?=[−\d])")

@@ -12,8 +12,9 @@ from evaluator.files import write_text
 from evaluator.files.csv_tables import write_table
 from evaluator.report.diagnosis.words import as_sentence
 from evaluator.report.numbers import UNKNOWN, interval, significant, true_minus
+from evaluator.report.pages.colors import FAINT, VERMILLION
 from evaluator.report.pages.html import Page, Section, Table, page_html
-from evaluator.report.style import FAINT, MEASURED, VERMILLION, Figure, drawing
+from evaluator.report.style import MEASURED, Figure, drawing
 from evaluator.trends.changes import SIGNIFICANCE, Change
 from evaluator.trends.series import TOGETHER, Series
 from evaluator.trends.trends import Trends

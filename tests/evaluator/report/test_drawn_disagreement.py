@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from evaluator.report.figures import disagreement
-from evaluator.report.style import INK, PAPER, SOFT
+from evaluator.report.pages.colors import INK, PAPER, SOFT
 from tests.evaluator.report.shown import labels, limits, lines, undrawn
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from evaluator.report.figures import agreement, effects, gap, repetitions, speed, trajectory, wheel_states
 from evaluator.report.numbers import METRES
-from evaluator.report.style import INK, SOFT, VERMILLION
+from evaluator.report.pages.colors import INK, SOFT, VERMILLION
 from simulator.robot import load_robot
 from tests.evaluator.report.shown import Shown, labels, limits, lines, shown, turned, undrawn
 

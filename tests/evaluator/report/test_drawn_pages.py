@@ -17,7 +17,8 @@ from calibration.camera import camera_above
 from evaluator.report import plots
 from evaluator.report.figures import paper_slip, paper_turns
 from evaluator.report.pages import circular_test, trends
-from evaluator.report.style import GREEN, INK, MEASURED, PURPLE, SIMULATED
+from evaluator.report.pages.colors import GREEN, INK, PURPLE
+from evaluator.report.style import MEASURED, SIMULATED
 from evaluator.trends.changes import Change, Level
 from evaluator.trends.series import Series
 from evaluator.trends.sessions import Session

@@ -18,6 +18,7 @@ from evaluator.errors import InputError
 from evaluator.report import build, player, sections, style
 from evaluator.report.figures import quality, radius
 from evaluator.report.numbers import METRES
+from evaluator.report.pages import colors
 from evaluator.report.runs import unit_of
 from evaluator.report.style import Line, drawing, mark_lines, plain_svg
 from simulator.robot import load_robot
@@ -233,7 +234,7 @@ def test_lines_have_the_color_of_their_name_and_dashes_in_widths() -> None:
     ]  # fmt: skip
     assert Line("ink", "x", 2.0, (3.0, 1.5)).dasharray == "6 3"
     assert Line("ink", "x", 2.0).dasharray == "none"
-    assert Line("ink", "x", 2.0, (3.0, 1.5)).drawn == {"color": style.INK, "lw": 2.0, "ls": (0, (3.0, 1.5))}
+    assert Line("ink", "x", 2.0, (3.0, 1.5)).drawn == {"color": colors.INK, "lw": 2.0, "ls": (0, (3.0, 1.5))}
     assert Line("blue", "x", 0.8).drawn["ls"] == "-"
 
 
@@ -247,12 +248,12 @@ def test_a_label_that_would_be_cut_off_is_broken_in_its_middle_and_colors_follow
     with drawing("a", width=1.6, height=1.6) as canvas:
         canvas.axes[0].set_ylabel("a label that is much too long for it")
         canvas.axes[0].set_xlabel("short")
-        canvas.axes[0].plot([0, 1], [0, 1], color=style.BLUE)
+        canvas.axes[0].plot([0, 1], [0, 1], color=colors.BLUE)
     assert canvas.axes[0].get_ylabel() == "a label that is much\ntoo long for it"
     assert canvas.axes[0].get_xlabel() == "short"
-    assert f"var(--blue, {style.BLUE})" in canvas.svg
+    assert f"var(--blue, {colors.BLUE})" in canvas.svg
     plain = plain_svg(canvas.svg)
-    assert style.BLUE in plain
+    assert colors.BLUE in plain
     assert "var(" not in plain
     assert '<rect width="100%" height="100%" fill="white"/>' in plain
     axis = MagicMock()

@@ -14,7 +14,7 @@ import pytest
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
 from evaluator.files import write_text
 from evaluator.report.build import report_html
-from evaluator.report.style import THEME
+from evaluator.report.pages.colors import THEME
 from evaluator.templates.formats import PAGE
 from evaluator.templates.result_tables import DISAGREEMENT
 from evaluator.workflow import Analysis, analyze

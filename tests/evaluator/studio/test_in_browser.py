@@ -201,7 +201,7 @@ def colour_pairs(page: Any, theme: str) -> list[tuple[str, str, str]]:
 
 def test_colours_are_those_of_the_report() -> None:
     import evaluator.studio
-    from evaluator.report.style import THEME
+    from evaluator.report.pages.colors import THEME
 
     css = (Path(evaluator.studio.__file__).parent / "static" / "base.css").read_text()
     light, dark = css.split("prefers-color-scheme: dark")[:2]
