@@ -52,13 +52,17 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
     for size in range(1, LARGEST_SET):
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
         beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
-        beam = [ids for ids in beam if search.evidence(ids) > search.explained - LAGGING and _pays(search, ids)]
+        beam = [
+            ids
+            for ids in beam
+            if search.evidence(ids) > search.explained - LAGGING and _is_worth_extending(search, ids)
+        ]
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
 
 
-def _pays(search: Search, ids: frozenset[str]) -> bool:
+def _is_worth_extending(search: Search, ids: frozenset[str]) -> bool:
     """Whether no effect of a set, alone, has a higher evidence: what is added to a useless addition is useless, too."""
     if ids not in search.fits:
         return True  # not known

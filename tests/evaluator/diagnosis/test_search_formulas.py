@@ -109,8 +109,8 @@ def test_nothing_is_added_to_two_effects_of_which_one_alone_is_more_probable(
     both, b = A | {"b"}, frozenset({"b"})
     fits = {NONE: of(0.0), A: of(1.0), b: single, **({both: pair} if pair else {})}
     search = searching(fits=fits, failed={} if pair else {both: of(-3.0)})
-    assert strategy._pays(search, both) == pays
-    assert strategy._pays(search, A)  # a single effect has no effects alone but itself
+    assert strategy._is_worth_extending(search, both) == pays
+    assert strategy._is_worth_extending(search, A)  # a single effect has no effects alone but itself
 
 
 def test_the_best_fit_explains_the_runs_below_one_and_a_half_times_the_noise() -> None:
