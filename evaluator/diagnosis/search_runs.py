@@ -51,7 +51,7 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 def search_named(ready: Prepared, progress: Progress) -> Search:
     """The search over named effects on all runs that are not held out."""
-    part, begin, large = begun(ready, fitted_runs(ready.problem.data))
+    part, begin, large = _begun(ready, fitted_runs(ready.problem.data))
     if large:
         usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
@@ -67,14 +67,14 @@ def null_alone(ready: Prepared) -> tuple[Search, Fit | None]:
 
     Raises FloatingPointError if a run cannot be simulated.
     """
-    part, begin, large = begun(ready, range(len(ready.problem.data)))
+    part, begin, large = _begun(ready, range(len(ready.problem.data)))
     if large:
         return part, None
     part, begin = _with_drift(part, begin)
     return part, fit_model(part.problem, begin, [], part.tolerance, part.runs)
 
 
-def begun(ready: Prepared, runs: Sequence[int]) -> tuple[Search, Point, bool]:
+def _begun(ready: Prepared, runs: Sequence[int]) -> tuple[Search, Point, bool]:
     """A search of some runs, its initial point, and whether the misfit there is too large for fits of whole runs."""
     part = Search(ready.problem, ready.named, ready.tolerance, tuple(runs), asked=ready.own)
     if not is_large(part.problem, ready.start):

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Plane = NDArray[np.unsignedinteger]
+Sample = TypeVar("Sample", bound=np.generic)
 
 
 @dataclass(slots=True)  # not frozen: one is made for every frame, and that takes four times as long then
@@ -90,15 +92,15 @@ class Frame:
             to_rgb = to_rgb[:, [0, 3]]
             to_rgb[:, 1] = -to_rgb[:, 0] * self.black  # neutral level of colour
         else:
-            planes += [self._upsampled(self.u), self._upsampled(self.v)]
+            planes += [self.upsampled(plane).astype(np.float32) for plane in (self.u, self.v)]
         rgb = cv2.transform(cv2.merge(planes), to_rgb)
         image = np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
         return np.repeat(image, self.row_step, axis=0) if self.row_step > 1 else image
 
-    def _upsampled(self, plane: Plane) -> NDArray[np.float32]:
+    def upsampled(self, plane: NDArray[Sample]) -> NDArray[Sample]:
+        """An array with a value for each pixel of a colour plane, repeated for the pixels of the luma."""
         rows, columns = self.luma.shape
         across, down = -(-columns // plane.shape[1]), -(-rows // plane.shape[0])
-        values = plane.astype(np.float32)
-        if across > 1 or down > 1:
-            values = np.repeat(np.repeat(values, down, axis=0), across, axis=1)[:rows, :columns]
-        return values
+        if across == down == 1:
+            return plane
+        return np.repeat(np.repeat(plane, down, axis=0), across, axis=1)[:rows, :columns]

@@ -27,7 +27,6 @@ def long_exposure(frames: Iterable[Frame]) -> NDArray[np.uint8]:
     assert shown.v is not None
     most = _colourfulness(first.u, first.v, first.depth)
     more_by = int(MORE_COLOURFUL * 2**first.depth)
-    across, down = -(-first.luma.shape[1] // first.u.shape[1]), -(-first.luma.shape[0] // first.u.shape[0])
     for frame in frames:
         assert frame.u is not None
         assert frame.v is not None
@@ -36,8 +35,8 @@ def long_exposure(frames: Iterable[Frame]) -> NDArray[np.uint8]:
         if not more.any():
             continue
         shown.u[more], shown.v[more], most[more] = frame.u[more], frame.v[more], colour[more]
-        wide = np.repeat(np.repeat(more, down, axis=0), across, axis=1)[: first.luma.shape[0], : first.luma.shape[1]]
-        shown.luma[wide] = frame.luma[wide]
+        of_luma = first.upsampled(more)
+        shown.luma[of_luma] = frame.luma[of_luma]
     return shown.to_rgb()
 
 

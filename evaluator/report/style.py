@@ -1,7 +1,7 @@
-"""Common style of all figures: colours of the page (light, dark, paper), and distinct markers and lines without colour.
+"""Common style of all figures: colours of the page (pages/colors.py), and distinct markers and lines without colour.
 
-Colours are those of Okabe and Ito (2008), distinguishable with every kind of colour vision; each series also has its
-own marker and line style. In the SVG every colour is a CSS variable with the light colour as its fallback.
+Each series has its own marker and line style. In the SVG every colour is a CSS variable with the light colour as its
+fallback.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,23 +31,22 @@ class DemoPage:
         jpeg = base64.b64encode(cv2.imencode(".jpg", image)[1].tobytes()).decode()
         html = f'<figure><div class="drawing"><img alt="paths" src="data:image/jpeg;base64,{jpeg}"></div></figure>'
         text = f"{video.name} in one image: the two marks draw their paths, and the robot is where it began."
-        self._add(Section("recording", "A recording", (text,), html=html))
+        self._add("A recording", (text,), html)
 
     def show_result(self, title: str, text: str, *, table: bool) -> None:
         """Add a result: a table of text, or lines of sentences."""
         if table:
-            self._add(Section(f"part-{len(self.sections)}", title, html=f"<pre>{escape(text)}</pre>"))
+            self._add(title, html=f"<pre>{escape(text)}</pre>")
         else:
-            self._add(Section(f"part-{len(self.sections)}", title, tuple(text.splitlines())))
+            self._add(title, text.splitlines())
 
     def show_report(self, title: str, report: Path, *, last: bool) -> None:
         """Add a link to a report. last: nothing follows, and browsers do not load the page again."""
         where = escape(named_from(self.path.parent, report))
-        html = f'<p><a href="{where}">{where}</a></p>'
-        self._add(Section(f"part-{len(self.sections)}", title, html=html), last=last)
+        self._add(title, html=f'<p><a href="{where}">{where}</a></p>', last=last)
 
-    def _add(self, section: Section, *, last: bool = False) -> None:
-        self.sections.append(section)
+    def _add(self, title: str, text: Iterable[str] = (), html: str = "", *, last: bool = False) -> None:
+        self.sections.append(Section(f"part-{len(self.sections)}", title, tuple(text), html=html))
         page = Page(
             kind="demo",
             title="From recordings to reports",

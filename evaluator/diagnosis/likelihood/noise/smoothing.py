@@ -21,9 +21,10 @@ Floats = NDArray[np.float64]
 SLOWEST, FASTEST, BANDS = 0.1, 0.5, 16
 FEWEST_MODES = 60  # in each band: medians of their powers scatter by a fifth
 # A mean or a parabola over several frames lets nothing through at some frequencies, and something at higher ones: power
-# that a higher band has over a lower one. In 15 smoothed sessions of five kinds of filters it was 18 to 70; rounding to
-# a hundredth of a millimetre conceals it (2.7 and less in three more). It was 1.1 to 2.0 in raw tracks, 1.7 in those of
-# compressed films, whose noise is alike in neighbouring frames as well, but evenly, and 3.5 under vibration.
+# that a higher band has over a lower one. In 17 smoothed sessions (means of 5 and 9 frames, parabolas of 7 and 9) it
+# was 18 to 70; rounding to a hundredth of a millimetre and more conceals it (2.7 and less in seven others). It was 1.1
+# to 2.0 in raw tracks, 1.7 in those of compressed films, whose noise is alike in neighbouring frames as well, but
+# evenly, and 3.5 under vibration.
 RISES = 6.0
 # Frames on either side of a change: four of a mean of nine, and a start that is known to a frame and a half.
 AVERAGED_FRAMES = 6
