@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +37,72 @@ def linked(x):
 def whole(x):
     return total(x) + linked(x)
 """
-LINE = "import {name} as k; print(k.whole(3.0), sum(k.whole.stats.cache_misses.values()))"
+LINE = "import own_kernels as k; print(k.whole(3.0), sum(k.whole.stats.cache_misses.values()), flush=True)"
+# A process that knows nothing of these packages yet, forked from one that has loaded numba: to load it takes most
+# of the time. Other tests start processes from nothing (tests/simulator/test_compiled.py, test_integration.py).
+FORKING = """
+import json, os, sys
+from numba import njit
+from numba.core import config
+
+njit(lambda x: x + 1.0)(1.0)  # loads the rest of the compiler
+sys.dont_write_bytecode = True
+for asked in sys.stdin:
+    folder, root, around, line = json.loads(asked)
+    if child := os.fork():
+        print("status", os.waitpid(child, 0)[1], flush=True)
+        continue
+    try:
+        os.chdir(folder)
+        os.environ.clear()
+        os.environ.update(around)
+        config.reload_config()
+        sys.path[:0] = folder, root
+        exec(line)
+        os._exit(0)
+    finally:
+        os._exit(1)
+"""
+Run = Callable[..., list[str]]
 
 
-def run(folder: Path, kept: Path | None, name: str = "own_kernels", **more: str) -> list[str]:
-    paths = os.pathsep.join([str(folder), str(ROOT)])
-    around = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    around |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", **more}
-    if kept is not None:
-        around["NUMBA_CACHE_DIR"] = str(kept)
-    line = [sys.executable, "-c", LINE.format(name=name)]
+@pytest.fixture(scope="module")
+def run() -> Iterator[Run]:
+    """What runs LINE in a process of its own, and returns its words."""
+    if not hasattr(os, "fork"):
+        yield _started
+        return
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", FORKING], text=True, **pipes) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        answers, asked = server.stdout, server.stdin
+
+        def forked(folder: Path, kept: Path | None, **more: str) -> list[str]:
+            print(json.dumps([str(folder), str(ROOT), _around(kept, **more), LINE]), file=asked, flush=True)
+            *lines, status = _until_status(answers)
+            assert status == "status 0"
+            return " ".join(lines).split()
+
+        yield forked
+
+
+def _until_status(answers: Iterable[str]) -> Iterator[str]:
+    for line in answers:
+        yield line.strip()
+        if line.startswith("status"):
+            return
+
+
+def _around(kept: Path | None, **more: str) -> dict[str, str]:
+    """The environment of a process whose kernels are kept in a folder, or where its machine keeps them."""
+    usual = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    return usual | ({"NUMBA_CACHE_DIR": str(kept)} if kept is not None else {}) | more
+
+
+def _started(folder: Path, kept: Path | None, **more: str) -> list[str]:
+    around = _around(kept, **more) | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+    line = [sys.executable, "-B", "-c", LINE]
     done = subprocess.run(line, cwd=folder, env=around, capture_output=True, text=True, check=True, timeout=300)
     return done.stdout.split()
 
@@ -56,7 +114,7 @@ def written(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def once(tmp_path_factory: pytest.TempPathFactory, run: Run) -> Path:
     """A folder whose kernels have been compiled once, and in it what was kept of them; nobody writes into it."""
     folder = written(tmp_path_factory.mktemp("once") / "a")
     assert run(folder, folder / "kept") == ["42.0", "1"]
@@ -76,11 +134,11 @@ def test_parts_are_compiled_into_their_caller_and_only_what_is_called_or_shared_
     assert names == {"own_kernels.whole", "own_kernels.linked"}
 
 
-def test_a_second_installation_of_the_same_sources_compiles_nothing(compiled_before: Path) -> None:
+def test_a_second_installation_of_the_same_sources_compiles_nothing(compiled_before: Path, run: Run) -> None:
     assert run(compiled_before, compiled_before / "kept") == ["42.0", "0"]
 
 
-def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(compiled_before: Path) -> None:
+def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(compiled_before: Path, run: Run) -> None:
     folder, kept = compiled_before, compiled_before / "kept"
     (folder / "own_kernels.py").write_text(KERNELS.replace("+ 0.5", "+ 1.5"), encoding="utf-8")
     assert run(folder, kept) == ["44.0", "1"]
@@ -89,7 +147,7 @@ def test_a_changed_kernel_is_compiled_anew_and_both_versions_are_kept(compiled_b
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_damaged_file_is_compiled_anew_and_mended(compiled_before: Path, kind: str) -> None:
+def test_a_damaged_file_is_compiled_anew_and_mended(compiled_before: Path, kind: str, run: Run) -> None:
     folder, kept = compiled_before, compiled_before / "kept"
     for file in kept.glob(f"own_kernels.whole-*.{kind}"):
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -97,7 +155,7 @@ def test_a_damaged_file_is_compiled_anew_and_mended(compiled_before: Path, kind:
     assert run(folder, kept) == ["42.0", "0"]
 
 
-def test_kernels_work_where_nothing_can_be_kept(tmp_path: Path) -> None:
+def test_kernels_work_where_nothing_can_be_kept(tmp_path: Path, run: Run) -> None:
     folder = written(tmp_path / "a")
     (folder / "__pycache__").write_text("a file in the way", encoding="utf-8")
     taken = tmp_path / "file"
@@ -127,7 +185,7 @@ def test_where_home_and_installation_are_read_only_kernels_are_kept_among_the_te
     assert find(tmp_path / "file") is None
 
 
-def test_kernels_are_kept_in_the_users_cache(tmp_path: Path) -> None:
+def test_kernels_are_kept_in_the_users_cache(tmp_path: Path, run: Run) -> None:
     if sys.platform != "linux":
         pytest.skip("other systems have other places")
     run(written(tmp_path / "a"), None, XDG_CACHE_HOME=str(tmp_path / "cache"))
@@ -164,7 +222,7 @@ def test_the_digest_changes_with_every_file_that_is_imported_and_with_no_other(
     assert changes == {name: name != "evaluator/other.py" for name in texts}
 
 
-def test_what_was_compiled_long_ago_goes_when_its_kernel_is_compiled_anew(tmp_path: Path) -> None:
+def test_what_was_compiled_long_ago_goes_when_its_kernel_is_compiled_anew(tmp_path: Path, run: Run) -> None:
     kept = tmp_path / "kept"
     kept.mkdir()
     ages = {"own_kernels.whole-0.py311.nbi": 61, "own_kernels.whole-1.py311.nbi": 59, "own_kernels.other-0.nbi": 61}
