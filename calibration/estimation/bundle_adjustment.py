@@ -170,7 +170,7 @@ def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) 
     state, damping = start, 1e-4
     now = _normal(views, state, prior, 1.0)
     scale = robust_scale(now.whitened)
-    now = _normal(views, state, prior, scale)
+    now = _weighted(now.rows, state, prior, scale)
     for _ in range(steps):
         root = 1 / np.sqrt(np.maximum(np.diag(now.matrix), 1e-12))
         damped = now.matrix * root[:, None] * root + damping * np.eye(len(root))
@@ -185,7 +185,7 @@ def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) 
             fresh = robust_scale(now.whitened)
             if abs(np.log(fresh / scale)) > 0.1:
                 scale = fresh
-                now = _normal(views, state, prior, scale)
+                now = _weighted(now.rows, state, prior, scale)
         else:
             # no improvement within 0.001 of the step's uncertainty: converged
             if float(step @ now.matrix @ step) < 1e-6:
@@ -217,18 +217,30 @@ def _moved(state: State, step: Array) -> State:
     return replace(state, lens=lens, poses=poses, face_mm=state.face_mm + step[count : state.shared])
 
 
+Rows = tuple[Array, Array, Array]
+
+
 @dataclass(frozen=True)
 class _Normal:
-    """Normal matrix, downhill gradient and robust cost at a state, with whitened and plain residuals per view."""
+    """Normal matrix, downhill gradient and robust cost at a state; rows: `view_rows` of every view, none if invalid."""
 
     matrix: Array
     gradient: Array
     cost: float
-    whitened: list[Array]
-    residual: list[Array]
+    rows: list[Rows]
+
+    @property
+    def residual(self) -> list[Array]:
+        """Plain residuals of every view."""
+        return [residual for residual, _, _ in self.rows]
+
+    @property
+    def whitened(self) -> list[Array]:
+        """Whitened residuals of every view."""
+        return [white for _, white, _ in self.rows]
 
 
-def view_rows(view: View, state: State, k: int) -> tuple[Array, Array, Array]:
+def view_rows(view: View, state: State, k: int) -> Rows:
     """Plain (n, 2) and whitened (n, 2) residuals and whitened derivatives (n, 2, shared + 6) of one view."""
     predicted, by_point, by_parameter = project(points_of(view, state), state.parameters(k), state.model)
     residual = view.centers_px - view.offset_px - predicted
@@ -244,28 +256,35 @@ def places_of_view(state: State, k: int) -> NDArray[np.int64]:
 
 
 def _normal(views: list[View], state: State, prior: Prior, scale: float) -> _Normal:
+    """The normal equations of residuals with a scale; of infinite cost at a state that is not valid."""
+    rows: list[Rows] = []
+    if state.lens[0] >= prior.shortest_px:
+        for k, view in enumerate(views):
+            rows.append(view_rows(view, state, k))
+            if not np.isfinite(rows[-1][1]).all():  # a dot behind the camera
+                break
+        else:
+            return _weighted(rows, state, prior, scale)
     size = state.shared + POSE_COUNT * len(views)
+    return _Normal(np.zeros((size, size)), np.zeros(size), np.inf, [])
+
+
+def _weighted(rows: list[Rows], state: State, prior: Prior, scale: float) -> _Normal:
+    """The normal equations of the rows of all views with a scale of their residuals."""
+    size = state.shared + POSE_COUNT * len(rows)
     matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
-    if state.lens[0] < prior.shortest_px:
-        return _Normal(matrix, gradient, np.inf, [], [])
-    whitened, residuals = [], []
-    for k, view in enumerate(views):
-        residual, white, rows = view_rows(view, state, k)
-        if not np.isfinite(white).all():  # a dot behind the camera: no valid state
-            return _Normal(matrix, gradient, np.inf, [], [])
+    for k, (_, white, by_unknown) in enumerate(rows):
         size_ = np.hypot(white[:, 0], white[:, 1]) / scale
         far = size_ > HUBER
         weight = huber_weights(white, scale) / scale**2
         cost += float(np.where(far, 2 * HUBER * size_ - HUBER**2, size_**2).sum())
         place = places_of_view(state, k)
-        flat = rows.reshape(-1, len(place))
-        weighted = (rows * weight[:, None, None]).reshape(-1, len(place))
+        flat = by_unknown.reshape(-1, len(place))
+        weighted = (by_unknown * weight[:, None, None]).reshape(-1, len(place))
         matrix[np.ix_(place, place)] += weighted.T @ flat
         gradient[place] += weighted.T @ white.ravel()
-        whitened.append(white)
-        residuals.append(residual)
     cost += add_prior(matrix, gradient, state, prior)
-    return _Normal(matrix, gradient, cost, whitened, residuals)
+    return _Normal(matrix, gradient, cost, rows)
 
 
 def add_prior(matrix: Array, gradient: Array, state: State, prior: Prior) -> float:
