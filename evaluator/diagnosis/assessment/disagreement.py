@@ -133,13 +133,16 @@ def every_dependence(table: pd.DataFrame) -> list[Dependence]:
     """All dependences that these runs can test, significant or not."""
     found = []
     runs = table["run"].to_numpy()
+    known: dict[bytes, _Clusters] = {}  # of regressors, which most quantities share
     for quantity in QUANTITIES:
         values = table[quantity].to_numpy(dtype=float)
         for (by, parity), (common, tested) in _designs(table, quantity).items():
             columns = np.column_stack([*common, *tested])
             if not np.isfinite(columns).all() or np.linalg.matrix_rank(columns) < columns.shape[1]:
                 continue
-            size, half, sigmas = _clustered(values, columns, runs, len(tested))
+            if (key := columns.tobytes()) not in known:
+                known[key] = _clusters(columns, runs)
+            size, half, sigmas = _clustered(values, columns, known[key], len(tested))
             sizes = tuple((v, v - h, v + h) for v, h in zip(map(float, size), map(float, half), strict=True))
             sentence = _sentence(quantity, by, parity, size, sigmas)
             rms = float(np.sqrt(np.mean((np.column_stack(tested) @ size[-len(tested) :]) ** 2)))
@@ -194,26 +197,44 @@ def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
     return found
 
 
-def _clustered(values: Floats, columns: Floats, runs: NDArray[np.object_], tested: int) -> tuple[Floats, Floats, float]:
+@dataclass(frozen=True)
+class _Clusters:
+    """What least squares and its jackknife over runs need of the regressors (n, p) alone.
+
+    inverse: (p, p) of their normal matrix. freedom: runs less coefficients. of_run: rows of each run, and the matrix
+    (p, rows) of its score; of no run if there are too few.
+    """
+
+    inverse: Floats
+    freedom: int
+    of_run: list[tuple[NDArray[np.bool_], Floats]]
+
+
+def _clusters(columns: Floats, runs: NDArray[np.object_]) -> _Clusters:
+    inverse = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=float)
+    names, of_run = np.unique(runs), []
+    freedom = len(names) - columns.shape[1]
+    for name in names if freedom >= FEWEST_FREEDOM else ():
+        rows = runs == name
+        own = columns[rows]
+        leverage_left = np.eye(len(own)) - own @ inverse @ own.T
+        of_run.append((rows, own.T @ np.linalg.pinv(leverage_left, rcond=1e-9, hermitian=True)))
+    return _Clusters(inverse, freedom, of_run)
+
+
+def _clustered(values: Floats, columns: Floats, clusters: _Clusters, tested: int) -> tuple[Floats, Floats, float]:
     """Least squares: all coefficients, half their 95 % intervals, joint significance of those tested (last) in sigmas.
 
     Errors are those of the jackknife over runs, which few runs do not make too small: Bell & McCaffrey (2002), Survey
     Methodology 28, 169.
     """
-    inverse = np.linalg.pinv(columns.T @ columns)
+    inverse, freedom, count = clusters.inverse, clusters.freedom, len(clusters.of_run)
     size = inverse @ columns.T @ values
     left = values - columns @ size
-    names = np.unique(runs)
-    freedom = len(names) - columns.shape[1]
     if freedom < FEWEST_FREEDOM:
         return size, np.full(len(size), np.inf), 0.0
-    scores = []
-    for name in names:
-        own = columns[runs == name]
-        leverage_left = np.eye(len(own)) - own @ inverse @ own.T
-        scores.append(own.T @ np.linalg.pinv(leverage_left, rcond=1e-9, hermitian=True) @ left[runs == name])
-    spread = np.array(scores)
-    covariance = inverse @ (spread.T @ spread) @ inverse * (len(names) - 1) / len(names)
+    spread = np.array([score @ left[rows] for rows, score in clusters.of_run])
+    covariance = inverse @ (spread.T @ spread) @ inverse * (count - 1) / count
     part = covariance[-tested:, -tested:]
     ratio = float(size[-tested:] @ np.linalg.pinv(part) @ size[-tested:]) / tested
     probability = float(special.fdtrc(tested, freedom, ratio))
