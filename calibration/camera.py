@@ -7,12 +7,13 @@ z axis points roughly against the camera's. Lens: see lens.py.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.lens import LensModel, distort, solve_2x2, undistort
+from calibration.lens import LensModel, distort, distorted_points, solve_2x2, undistort
 
 Array = NDArray[np.float64]
 
@@ -129,7 +130,7 @@ class Camera:
     def image_from_plate(self, points_mm: ArrayLike) -> Array:
         """Project points (..., 3) of the plate frame, mm; returns (..., 2) px, NaN behind the camera."""
         points = np.asarray(points_mm, dtype=float)
-        return project(points.reshape(-1, 3), self.parameters, self.lens)[0].reshape(*points.shape[:-1], 2)
+        return image_points(points.reshape(-1, 3), self.parameters, self.lens).reshape(*points.shape[:-1], 2)
 
     def plate_from_image(self, points_px: ArrayLike, height_mm: float) -> Array:
         """Map image points (..., 2) px to the plane height_mm above the plate; returns (..., 2) mm.
@@ -186,9 +187,7 @@ def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array
     NaN behind the camera.
     """
     rotation, by_vector = cv2.Rodrigues(np.ascontiguousarray(parameters[:3]))
-    in_camera = points_mm @ rotation.T + parameters[3:6]
-    depth = np.where(in_camera[:, 2] > 0, in_camera[:, 2], np.nan)
-    normalised = in_camera[:, :2] / depth[:, None]
+    normalised, depth = _in_camera(points_mm, rotation, parameters)
     distorted, by_normalised, by_coefficient = distort(normalised, parameters[DISTORTION], lens)
     focal, aspect, *principal = parameters[PINHOLE]
     scale = np.array([focal, focal * aspect])
@@ -206,6 +205,23 @@ def project(points_mm: Array, parameters: Array, lens: LensModel) -> tuple[Array
     by_parameter[:, 0, 8] = by_parameter[:, 1, 9] = 1.0
     by_parameter[:, :, DISTORTION] = scale[:, None] * by_coefficient
     return distorted * scale + principal, by_camera @ rotation, by_parameter
+
+
+def image_points(points_mm: Array, parameters: Array, lens: LensModel) -> Array:
+    """The image points (n, 2) of `project` alone, in a fraction of its time."""
+    rotation = cv2.Rodrigues(np.ascontiguousarray(parameters[:3]))[0]
+    normalised, _ = _in_camera(points_mm, rotation, parameters)
+    focal, aspect, *principal = parameters[PINHOLE]
+    return np.asarray(
+        distorted_points(normalised, parameters[DISTORTION], lens) * np.array([focal, focal * aspect]) + principal
+    )
+
+
+def _in_camera(points_mm: Array, rotation: NDArray[Any], parameters: Array) -> tuple[Array, Array]:
+    """Normalised coordinates (n, 2) and depth (n,), mm, in the camera's frame; NaN behind it."""
+    in_camera = points_mm @ rotation.T + parameters[3:6]
+    depth = np.where(in_camera[:, 2] > 0, in_camera[:, 2], np.nan)
+    return in_camera[:, :2] / depth[:, None], depth
 
 
 def camera_height(pose: Array) -> tuple[float, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.assignment.gauge_in_image import fewest_dots
-from calibration.camera import PARAMETERS, POSE, Camera, project
+from calibration.camera import PARAMETERS, POSE, Camera, image_points
 from calibration.estimation.bundle_adjustment import (
     POSE_COUNT,
     State,
@@ -275,9 +275,9 @@ def _in_view(whole: View, pose: Array, found: Calibration) -> tuple[View, tuple[
     """The dots that are inside the image in a pose, and the outline of the whole array there."""
     state: State = found.fit.state
     parameters = np.concatenate([pose, state.lens])
-    seen = project(whole.points_mm, parameters, state.model)[0]
+    seen = image_points(whole.points_mm, parameters, state.model)
     inside = np.all((seen > 0) & (seen < np.array(found.camera.size_px) - 1), axis=1)
     low, high = whole.points_mm.min(axis=0), whole.points_mm.max(axis=0)
     corners = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
-    outline = project(corners, parameters, state.model)[0]
+    outline = image_points(corners, parameters, state.model)
     return whole.take(inside), tuple((round(float(x), 1), round(float(y), 1)) for x, y in outline)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.camera import PARAMETERS, camera_height, project
+from calibration.camera import PARAMETERS, camera_height, image_points, project
 from calibration.estimation.disc_projection import fitted_centers
 from calibration.estimation.robust import HUBER, OUTLIER, huber_weights, robust_scale
 from calibration.lens import LensModel
@@ -159,7 +159,7 @@ def with_disc_offsets(views: list[View], state: State) -> list[View]:
     for k, view in enumerate(views):
         parameters = state.parameters(k)
         points = points_of(view, state)
-        center = project(points, parameters, state.model)[0]
+        center = image_points(points, parameters, state.model)
         offset = fitted_centers(points, view.radius_mm, parameters, state.model) - center
         renewed.append(replace(view, offset_px=np.where(np.isfinite(offset), offset, 0.0)))
     return renewed

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.camera import project
+from calibration.camera import image_points, project
 from calibration.lens import LensModel, solve_2x2
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def fitted_centers(points_mm: Array, radius_mm: Array, parameters: Array, lens: 
     center, by_point, _ = project(points_mm, parameters, lens)
     scaled = by_point[:, :, :2] * radius_mm[:, None, None]
     rim = points_mm[:, None, :] + np.pad(radius_mm[:, None, None] * circle, ((0, 0), (0, 0), (0, 1)))
-    seen = project(rim.reshape(-1, 3), parameters, lens)[0].reshape(len(points_mm), SAMPLES, 2)
+    seen = image_points(rim.reshape(-1, 3), parameters, lens).reshape(len(points_mm), SAMPLES, 2)
     u = np.swapaxes(solve_2x2(scaled, np.swapaxes(seen - center[:, None], 1, 2)), 1, 2)
     shift = np.zeros_like(center)
     for _ in range(2):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.camera import PARAMETERS, Camera, camera_above, camera_height, project
+from calibration.camera import PARAMETERS, Camera, camera_above, camera_height, image_points, project
 from calibration.lens import LensModel, distort, undistort
 
 BENT = {"brown": [-0.12, 0.05, 0.003, -0.002, 0.01, 0.0], "fisheye": [0.06, -0.02, 0.0, 0.0, 0.01, -0.004]}
@@ -38,6 +38,16 @@ def test_derivatives_of_the_projection_are_those_of_differences(lens: LensModel)
         step = 1e-6 * np.eye(len(PARAMETERS))[k]
         ends = [project(POINTS_MM, camera.parameters + side * step, lens)[0] for side in (1, -1)]
         np.testing.assert_allclose(by_parameter[:, :, k], (ends[0] - ends[1]) / 2e-6, rtol=1e-5, atol=1e-4)
+
+
+@LENSES
+def test_image_points_alone_are_those_that_come_with_derivatives_to_the_last_bit(lens: LensModel) -> None:
+    camera = crooked(lens)
+    behind = np.array([[0.0, 0.0, 500.0]])
+    points = np.concatenate([POINTS_MM, behind])
+    alone, together = (of(points, camera.parameters, lens) for of in (image_points, lambda *at: project(*at)[0]))
+    np.testing.assert_array_equal(alone, together)
+    assert np.isnan(alone).all(axis=1).tolist() == [False] * 4 + [True]
 
 
 @LENSES
