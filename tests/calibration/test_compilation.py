@@ -39,7 +39,7 @@ def whole(x):
 """
 LINE = "import own_kernels as k; print(k.whole(3.0), sum(k.whole.stats.cache_misses.values()), flush=True)"
 # A process that knows nothing of these packages yet, forked from one that has loaded numba: to load it takes most
-# of the time. Other tests start processes from nothing (tests/simulator/test_compiled.py, test_integration.py).
+# of the time. Other tests start processes from nothing (tests/simulator/test_compiled.py).
 FORKING = """
 import json, os, sys
 from numba import njit

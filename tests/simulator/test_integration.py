@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -142,22 +140,6 @@ def test_a_batch_repeats_single_runs_exactly() -> None:
     assert np.array_equal(batch.states[:, :, :3], singles)
     ends = simulate_batch([robot], commands, TIMES_S, starts, summary=True)
     assert np.allclose(ends.final, batch.final, atol=1e-12)
-
-
-def test_second_process_does_not_compile() -> None:
-    simulate(load_robot("barrel"), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))  # the first
-    script = (
-        "import sys, numpy as np\n"
-        "from simulator.command import Command\n"
-        "from simulator.simulation import simulate\n"
-        "from simulator.integrator.batch import integrate_some\n"
-        "from simulator.robot import load_robot\n"
-        "simulate(load_robot('barrel'), Command.constant(1.0, 2.0), np.linspace(0, 1, 5))\n"
-        "print(sum(integrate_some.stats.cache_misses.values()), sum(integrate_some.stats.cache_hits.values()))\n"
-    )
-    root = Path(__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["0", "1"]
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-7, 1e-8])
