@@ -74,11 +74,24 @@ def recalibrated(problem: Problem, start: Point, tolerance: Mapping[str, float])
 def short_horizon_fits(whole: Search, start: Point, progress: Progress) -> list[Fit]:
     """Fits of the sets that explain the first seconds of the runs best, best first; start: nominal point."""
     best: list[Fit] = []
-    point = start
     for horizon_s in within(whole.problem, HORIZONS_S):
-        short = within_horizon(whole.problem, point, horizon_s)
+        short = _extended(whole.problem, [fit.point for fit in best] or [start], horizon_s)
+        if short is None:
+            break
         search = whole.anew(problem=short, most_steps=MOST_STEPS)
         run_search(search, start, start, progress, best)
         best = [search.fits[ids] for ids in search.ranked()[:CARRIED_ON]]
-        point = best[0].point
     return best
+
+
+def _extended(problem: Problem, points: Sequence[Point], horizon_s: float) -> Problem | None:
+    """The problem within a horizon, with the noise at the first point from which all runs can be simulated that far.
+
+    A model that was fitted to the first second may lead a run into a motion that cannot be simulated in the next.
+    """
+    for point in points:
+        try:
+            return within_horizon(problem, point, horizon_s)
+        except FloatingPointError:
+            continue
+    return None

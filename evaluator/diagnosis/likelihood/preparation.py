@@ -87,9 +87,13 @@ def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
 def with_noise_of(problem: Problem, point: Point) -> Problem:
     """The problem with noise estimated from the residuals at a point, and every run compressed accordingly.
 
-    Frames in which the residual jumps and returns are ignored from then on, as tracking errors.
+    Frames in which the residual jumps and returns are ignored from then on, as tracking errors. Raises
+    FloatingPointError if a run cannot be simulated at the point.
     """
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
+    for run, item in zip(problem.data, residuals, strict=True):
+        if not np.isfinite(item).any():
+            raise FloatingPointError(f"run {run.id} cannot be simulated at this point")
     cleaned = [without_outliers(item, CHANNELS) for item in residuals]
     jumps = [np.isnan(new) & np.isfinite(old) for new, old in zip(cleaned, residuals, strict=True)]
     seen = (

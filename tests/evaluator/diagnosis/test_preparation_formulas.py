@@ -66,6 +66,15 @@ def test_a_run_that_cannot_be_simulated_is_shifted_by_nothing() -> None:
     assert not wander.any()
 
 
+def test_noise_cannot_be_estimated_at_a_point_from_which_a_run_cannot_be_simulated() -> None:
+    left_over = [np.zeros((9, 4)), np.full((9, 4), np.nan)]
+    problem: Any = SimpleNamespace(
+        data=[SimpleNamespace(id=name) for name in ("r01", "r02")], residuals=lambda _: left_over
+    )
+    with pytest.raises(FloatingPointError, match="run r02 cannot be simulated"):
+        preparation.with_noise_of(problem, Point(np.zeros((2, 7))))
+
+
 def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

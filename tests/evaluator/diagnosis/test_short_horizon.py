@@ -93,6 +93,35 @@ def test_the_four_best_sets_of_one_second_are_carried_on_to_two_and_a_half_and_f
     assert [one.name for one in found] == ["b", "a", ""]
 
 
+@pytest.mark.parametrize(
+    ("too_far", "noise_at", "found"), [("", "a", "z"), ("a", "b", "z"), ("ab", "c", "z"), ("abcd", None, "a")]
+)
+def test_the_first_seconds_are_carried_on_from_the_best_set_with_which_the_next_can_be_simulated(
+    too_far: str, noise_at: str | None, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A set that leads a run to rest at a magnet cannot; if none can, the sets of the first second are the result."""
+    begun: list[Any] = []
+
+    def within_horizon(problem: Any, point: Any, horizon_s: float) -> Any:
+        if horizon_s > 1.0 and point in too_far:
+            raise FloatingPointError
+        return shortened(problem, point, horizon_s)
+
+    def run_search(search: Search, *_: Any) -> None:
+        begun.append(search.problem.noise_at)  # type: ignore[attr-defined]
+        for rank, name in enumerate("abcd" if search.problem.horizon_s == 1.0 else "z"):
+            fit: Any = SimpleNamespace(point=name, posterior=SimpleNamespace(log_evidence=-rank))
+            search.fits[frozenset(name)] = fit
+
+    monkeypatch.setattr(short_horizon, "within_horizon", within_horizon)
+    monkeypatch.setattr(short_horizon, "run_search", run_search)
+    terms: Any = dict.fromkeys("abcdz")
+    start: Any = "start"
+    fits: Any = short_horizon.short_horizon_fits(Search(runs_of(9.0), terms, {}, (0,)), start, no_progress)
+    assert begun == ["start"] + [noise_at] * (noise_at is not None)
+    assert fits[0].point == found
+
+
 def test_fits_of_the_first_seconds_are_where_those_of_whole_runs_begin(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is screened then, but for what is added to the best; the null has no set to begin with."""
     begun: list[Any] = []
