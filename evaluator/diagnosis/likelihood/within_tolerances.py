@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 
 from evaluator.diagnosis.likelihood.features import rms_apart
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import START_POSE, RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.settings import KnownTo
 from simulator.robot import Robot
@@ -38,11 +38,12 @@ def misfit_within_tolerances(run: RunData, robot: Robot) -> float:
     sigmas = {item.key: item.tolerance for item in known} | {k: v for k, v in robot.tolerance.items() if v > 0}
     forward = Simulated([robot], [run], {}, predicted_sigmas(known))
     keys = list(sigmas)
+    (start,) = np.nan_to_num(aligned_starts([run], forward))
     measured = _line(run.marks_mm)
 
     def task(values: Floats) -> Task:
         """Deviations of the keys, and of friction, in sigmas."""
-        per_run = np.zeros(PER_RUN)
+        per_run = start.copy()
         per_run[START_POSE] = FRICTION_SIGMA * values[-1]
         return Task(0, tuple(per_run), {key: sigmas[key] * value for key, value in zip(keys, values, strict=False)})
 

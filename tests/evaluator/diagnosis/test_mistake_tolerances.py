@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import simulator.robot
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
@@ -59,6 +61,22 @@ def test_exchanged_sides_are_told_though_they_fit_little_better_than_the_file_wi
     runs = [replace(run, id=f"r{k}") for k, run in enumerate([*good, run_of(-0.15, (54.0, 90.0), (90.0, 54.0))])]
     assert [(item.run, item.kind) for item in misread_runs(runs, [TIRES] * 4)] == [("r3", "sides-swapped")]
     assert misread_runs(runs[:3], [TIRES] * 3) == []
+
+
+def test_a_run_under_a_spring_of_the_robot_file_is_compared_from_where_it_begins(tmp_path: Path) -> None:
+    """A pivot 40 mm from the anchor: 25 mm nearer to it, the same commands make another path."""
+    file = tmp_path / "robot.toml"
+    spring = '[[effect]]\nid = "tether-spring"\nstiffness_mN_mm = 0.045\nanchor_x_mm = -22.5\nanchor_y_mm = -28.6\n'
+    shipped = Path(simulator.robot.__file__).parent / "robots" / "barrel.toml"
+    file.write_text(f"{shipped.read_text(encoding='utf-8')}\n{spring}", encoding="utf-8")
+    robot = load_robot(str(file))
+    blank = replace(run_of(0.0), left_rpm=117.0, right_rpm=-183.0)
+    pose = (4.8, 7.5, 2.6, 0.0, 0.0, 0.0, 0.0)
+    (marks,) = Simulated([robot], [blank], {}).marks([Task(0, pose)])
+    run = replace(blank, marks_mm=marks)
+    assert _judgements([[Alternative(None, run)]], [robot])[0].misfits_mm[0] < 0.05
+    assert misfit_within_tolerances(run, robot) < 0.05
+    assert _judgements([[Alternative(None, replace(run, marks_mm=marks + 25.0))]], [robot])[0].misfits_mm[0] > 1.0
 
 
 def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -> None:

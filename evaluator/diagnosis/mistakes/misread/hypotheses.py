@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import rms_apart
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.misread.alternatives import (
     Alternative,
@@ -169,10 +169,16 @@ def _common_kinds(judgements: Sequence[Judgement], least: Sequence[float]) -> se
 
 
 def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
-    """Simulate all hypotheses on all runs in one batch."""
+    """Simulate all hypotheses on all runs in one batch.
+
+    Each begins where its marks are: effects of the robot file that are fixed in the plate, such as a spring to an
+    anchor, depend on place and heading.
+    """
     flat = [way.run for of_run in ways for way in of_run]
     owners = [robot for robot, of_run in zip(robots, ways, strict=True) for _ in of_run]
-    predicted = Simulated(owners, flat, {}).marks([Task(k, (0.0,) * PER_RUN) for k in range(len(flat))])
+    forward = Simulated(owners, flat, {})
+    starts = np.nan_to_num(aligned_starts(flat, forward))
+    predicted = forward.marks([Task(k, tuple(start)) for k, start in enumerate(starts)])
     judgements, k = [], 0
     for of_run in ways:
         parts = [_misfit(way.run.marks_mm, predicted[k + i]) for i, way in enumerate(of_run)]
