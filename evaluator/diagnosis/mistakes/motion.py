@@ -13,7 +13,8 @@ from evaluator.robust import PER_MEDIAN
 Floats = NDArray[np.float64]
 
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
-ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated; over so short a path, a chord is as long as the arc
+ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated, at most; over so short a path, it is a steady arc
+ONSET_TURN_RAD = np.pi  # largest turn in it: a fast pivot has turned by more in ONSET_SPAN_S, and comes back
 ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in its scatter and in mm, that shows motion
 MOVING_FRAMES = 4  # consecutive frames: one or two may be noise, or wrong marks in succession
 STAYS_AWAY = 0.8  # of the frames in ONSET_SPAN_S: noise that a tracker smoothed over nine frames returns within five
@@ -88,9 +89,11 @@ class Onset:
 
 
 def onset(run: RunData) -> Onset | None:
-    """Time at which motion begins: the distance of the faster mark from its rest position, extrapolated back to 0.
+    """Time at which motion begins: the way of the faster mark from its rest position, extrapolated back to 0.
 
-    None without visible rest before it, or without motion. A lag of the motors delays it by its time constant.
+    The way is the arc over its distance, according to the turn of the robot: by its chords, a pivot would seem to slow
+    down, and to have begun earlier. None without visible rest before it, or without motion. A lag of the motors delays
+    it by its time constant.
     """
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
@@ -110,11 +113,15 @@ def onset(run: RunData) -> Onset | None:
     if not len(moving) or moving[0] < rest:
         return None
     first = int(moving[0])
-    part = slice(first, int(np.searchsorted(time, time[first] + ONSET_SPAN_S)))
+    heading = midpoint_and_heading(run)[2]
+    turned = np.abs(heading - np.median(heading[:rest]))
+    last = int(np.searchsorted(time, time[first] + ONSET_SPAN_S))
+    part = slice(first, first + int(np.argmax(np.append(turned[first:last] >= ONSET_TURN_RAD, True))))
     if len(time[part]) < FEWEST_AT_REST:
         return None
     since = time[part] - time[first]
-    slope, level = _robust_line(away[part], since)
+    arc_per_chord = 1 / np.sinc(turned[part] / (2 * np.pi))
+    slope, level = _robust_line(away[part] * arc_per_chord, since)
     if slope <= 0:
         return None
     begins = float(-level / slope)
