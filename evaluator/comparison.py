@@ -79,7 +79,7 @@ def _simulated_from(
 ) -> tuple[Motion, Poses]:
     """Motion from a pose, and its poses as they would be measured at the times of the measured ones."""
     factor = view_of(robot).time_factor
-    command = run_command.command.retimed(1 / factor)
+    command = run_command.in_true_time(factor)
     if not run_command.starts_at_rest:
         start = moving_state(robot, command, start, float(poses.time_s[0]) / factor, run_index)
     motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)

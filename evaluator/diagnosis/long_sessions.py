@@ -91,7 +91,8 @@ def _piece(run: RunData, frames: slice) -> RunData:
     time_s, whole = run.time_s[frames], run.run_command
     first, last = float(time_s[0]), float(time_s[-1])
     command = whole.command.within(first - HISTORY_S, last + HISTORY_S)
-    run_command = RunCommand(command, starts_at_rest=whole.starts_at_rest and frames.start == 0, logged=True)
+    at_rest = whole.starts_at_rest and frames.start == 0
+    run_command = RunCommand(command, starts_at_rest=at_rest, logged=True, zero_s=whole.zero_s)
     left, right = run_command.main(first, last)
     return replace(
         run,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -20,12 +20,28 @@ class RunCommand:
     """Command of a run over the time of its recording.
 
     starts_at_rest: whether the robot rests when its motors are first switched on. logged: whether the command comes
-    from a log, so that the run may contain several phases.
+    from a log, so that the run may contain several phases. zero_s: time of the recording at which the clock of the log
+    reads 0; None if both have the same clock.
     """
 
     command: Command
     starts_at_rest: bool = True
     logged: bool = False
+    zero_s: float | None = None
+
+    def later(self, by_s: float) -> RunCommand:
+        """The same commands later in the recording."""
+        zero_s = None if self.zero_s is None else self.zero_s + by_s
+        return replace(self, command=self.command.retimed(later_s=by_s), zero_s=zero_s)
+
+    def in_true_time(self, factor: float) -> Command:
+        """The command in true time, if times of the recording are factor times the true ones: see time-base.
+
+        A camera with another frame rate than stated does not slow the motors: the clock of their log is right.
+        """
+        if self.zero_s is None:
+            return self.command.retimed(1 / factor)
+        return self.command.retimed(later_s=self.zero_s / factor - self.zero_s)
 
     @cached_property
     def driven(self) -> tuple[Stretch, ...]:
@@ -94,5 +110,6 @@ def from_log(
         command = read_with(read, path)
     except SimulationError as error:
         raise InputError(str(error)) from error
-    later_s = zero_s - clock_s if abs(command.time_s[-1]) > LARGEST_CLOCK_S else zero_s
-    return RunCommand(command.retimed(later_s=later_s), starts_at_rest, logged=True)
+    if abs(command.time_s[-1]) > LARGEST_CLOCK_S:
+        return RunCommand(command.retimed(later_s=zero_s - clock_s), starts_at_rest, logged=True)
+    return RunCommand(command.retimed(later_s=zero_s), starts_at_rest, logged=True, zero_s=zero_s)

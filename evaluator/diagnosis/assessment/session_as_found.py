@@ -35,11 +35,7 @@ def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Poi
     late_s = _found(known, point).get(START, 0.0)
     if not late_s:
         return tuple(data)
-    result = []
-    for run in data:
-        delayed = replace(run.run_command, command=run.run_command.command.retimed(later_s=late_s))
-        result.append(replace(run, start_s=run.start_s + late_s, log=delayed))
-    return tuple(result)
+    return tuple(replace(run, start_s=run.start_s + late_s, log=run.run_command.later(late_s)) for run in data)
 
 
 def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot:

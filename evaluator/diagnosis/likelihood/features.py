@@ -25,11 +25,13 @@ from evaluator.diagnosis.likelihood.noise.tracking import (
     fit_noise,
     with_vibration,
 )
+from evaluator.diagnosis.likelihood.noise.wheel_bands import Bands, within
 
 Floats = NDArray[np.float64]
 
 CHANNELS = ("midpoint_x", "midpoint_y", "direction", "distance")
 FASTEST_HZ = 3.0  # includes two wheel revolutions a second at 90 rpm, and a motor's lag of 50 ms
+FASTEST_OF_FRAMES = 0.8  # of half the frame rate: modes of wheels that turn as fast
 MOST_MODES = 72  # of a run of 12 s at FASTEST_HZ; in longer runs the fastest mode is slower, to limit the cost
 AT_ONCE = 16  # frames
 DISTANCE_MODES = 8  # few, because the distance of the marks is constant except for errors of the camera
@@ -189,18 +191,23 @@ class Compression:
 
 
 def compression(
-    time_s: Floats, used: NDArray[np.bool_], noise: tuple[Noise, ...], floor_mm: float = MODEL_FLOOR_MM
+    time_s: Floats,
+    used: NDArray[np.bool_],
+    noise: tuple[Noise, ...],
+    floor_mm: float = MODEL_FLOOR_MM,
+    bands_hz: Bands = (),
 ) -> Compression:
     """Modes and whitening of one run. time_s, used: (n,). noise: one per channel.
 
-    floor_mm: precision of the model.
+    floor_mm: precision of the model. bands_hz: of faster modes, in which wheels turn.
     """
     seen = time_s[used]
     span = max(float(seen[-1] - seen[0]), 1e-9)
     count = int(np.clip(2 * span * FASTEST_HZ, 8, MOST_MODES))
     count = min(count, max(len(seen) // 3, 1))
-    phase = np.pi * (seen - seen[0]) / span
-    modes = np.cos(np.arange(count)[None, :] * phase[:, None])
+    faster = np.arange(max(count, int(2 * span * FASTEST_HZ)), int(FASTEST_OF_FRAMES * len(seen)))
+    numbers = np.concatenate([np.arange(count), faster[within(faster / (2 * span), bands_hz)]])
+    modes = np.cos(numbers[None, :] * (np.pi * (seen - seen[0]) / span)[:, None])
     parts: list[Floats] = []
     for channel, part in enumerate(noise):
         if channel == 1 and part == noise[0]:
@@ -211,7 +218,7 @@ def compression(
         normal = slow.T @ slow
         functional = np.linalg.solve(normal + 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal)), slow.T)
         covariance = functional @ part.times(seen, functional.T)
-        covariance[np.diag_indices(len(covariance))] += floor_mm**2 / (1.0 + np.arange(len(covariance)))
+        covariance[np.diag_indices(len(covariance))] += floor_mm**2 / (1.0 + numbers[: len(covariance)])
         parts.append(np.ascontiguousarray(solve_triangular(np.linalg.cholesky(covariance), functional, lower=True).T))
     return Compression(used, tuple(parts))
 
@@ -261,9 +268,19 @@ def _amplitude(spectra: tuple[Spectrum, ...], noise: Noise) -> float:
     return float(np.sqrt(level)) if abs(level - 1) > UNLIKE / np.sqrt(TAPERED * len(every)) else 1.0
 
 
-def residual_spectra(time_s: Floats, residual_mm: Floats, since_s: float) -> tuple[Spectrum, ...]:
-    """Spectrum of every channel of one run's residual (n, 4), from since_s on, which excludes the start of motion."""
+def residual_spectra(time_s: Floats, residual_mm: Floats, since_s: float, bands_hz: Bands = ()) -> tuple[Spectrum, ...]:
+    """Spectrum of every channel of one run's residual (n, 4), from since_s on, which excludes the start of motion.
+
+    bands_hz: in which wheels turn; what is faster than FASTEST_HZ there is omitted.
+    """
     moving = time_s >= since_s
     if np.isfinite(residual_mm[moving]).all(axis=1).sum() >= FEWEST_MODES:
         time_s, residual_mm = time_s[moving], residual_mm[moving]
-    return tuple(spectrum(time_s, residual_mm[:, channel]) for channel in range(4))
+    found = (spectrum(time_s, residual_mm[:, channel]) for channel in range(4))
+    return tuple(_outside(item, bands_hz) for item in found)
+
+
+def _outside(item: Spectrum, bands_hz: Bands) -> Spectrum:
+    """A spectrum without the modes above FASTEST_HZ in these bands."""
+    kept = (item.frequency_hz <= FASTEST_HZ) | ~within(item.frequency_hz, bands_hz)
+    return replace(item, frequency_hz=item.frequency_hz[kept], power_mm2=item.power_mm2[kept])

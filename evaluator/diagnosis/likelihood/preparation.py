@@ -27,6 +27,7 @@ from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_s
 from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.noise.smoothing import averaged_frames, is_smoothed
+from evaluator.diagnosis.likelihood.noise.wheel_bands import wheel_bands
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
@@ -103,10 +104,14 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     problem, residuals = replace(problem, channels=tuple(seen)), cleaned
     frames = [problem.counting_frames(run) for run in range(len(problem.data))]
     ends = [int(np.flatnonzero(used)[-1]) + 1 for used in frames]
+    bands = [
+        wheel_bands(run.run_command.command, run.time_s[:end], item[:end, 2])
+        for run, item, end in zip(problem.data, problem.channels, ends, strict=True)
+    ]
     noise = channel_noise(
         [
-            residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S)
-            for run, item, end in zip(problem.data, residuals, ends, strict=True)
+            residual_spectra(run.time_s[:end], item[:end], run.start_s + SETTLING_S, near)
+            for run, item, end, near in zip(problem.data, residuals, ends, bands, strict=True)
         ]
     )
     rigid = [np.zeros_like(used) if run.from_poses else used for run, used in zip(problem.data, frames, strict=True)]
@@ -122,8 +127,8 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     if problem.open_ground:
         noise = with_discrepancy(noise, [run.time_s for run in problem.data], _left_over(problem, point))
     compressions = tuple(
-        compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM)
-        for run, used, parts in zip(problem.data, frames, noise, strict=True)
+        compression(run.time_s, used, parts, problem.length * MODEL_FLOOR_MM, near)
+        for run, used, parts, near in zip(problem.data, frames, noise, bands, strict=True)
     )
     problem = replace(problem, compressions=compressions, noise=tuple(noise))
     return _with_random_shifts(problem, point)

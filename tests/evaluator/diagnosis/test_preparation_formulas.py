@@ -16,6 +16,7 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import friction_shifts, within_horizon
 from evaluator.diagnosis.likelihood.run_data import Task
+from simulator.command import Command
 from simulator.effects.coordinates import Candidate, Coordinate
 
 HALF_MM = 1.83
@@ -79,7 +80,11 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[Any] = []
-    run: Any = SimpleNamespace(time_s=np.arange(40.0), start_s=3.0, from_poses=False, marks_mm=np.zeros((40, 4)))
+    command = Command([3.0], [240.0], [240.0])
+    run: Any = SimpleNamespace(
+        time_s=np.arange(40.0), start_s=3.0, from_poses=False, marks_mm=np.zeros((40, 4)),
+        run_command=SimpleNamespace(command=command),
+    )  # fmt: skip
     problem: Any = SimpleNamespace(
         data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
         residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False, length=1.0,
@@ -92,11 +97,12 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     monkeypatch.setattr(preparation, "with_drift", lambda noise, *_: [drifting] if noise == ["of spectra"] else None)
     monkeypatch.setattr(preparation, "compression", lambda *said: said)
     found = preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
-    ((time_s, residual_mm, since_s),) = asked
+    ((time_s, residual_mm, since_s, bands),) = asked
     assert (len(time_s), residual_mm.shape, since_s) == (30, (30, 4), 3.0 + preparation.SETTLING_S)
+    np.testing.assert_allclose(bands, [(4 - 2 / 26, 4 + 2 / 26)])
     both = tuple(replace(part, common_drift=Drift(0.1)) for part in drifting[:2])  # of the midpoint alone
     assert found.noise == ((*both, *drifting[2:]),)
-    assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM)
+    assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM, bands)
 
 
 def replaced(item: Any, **more: Any) -> Any:

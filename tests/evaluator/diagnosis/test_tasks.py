@@ -193,6 +193,37 @@ def test_each_task_is_seen_as_its_own_terms_and_run_say() -> None:
     np.testing.assert_allclose(first, expected(), atol=2e-4)  # nothing has drifted yet
 
 
+def test_tasks_with_and_without_ripple_keep_their_order() -> None:
+    rippling = task(terms={"speed-ripple": (0.2, 0.0)})
+    plain, rippled, later, again = Simulated([BARREL], [RUN], named_terms(20.0, (30.0, 60.0)), KNOWN, SIGMA_S).marks(
+        [task(), rippling, task({4: 0.05}), replace(rippling, per_run=task({4: 0.05}).per_run)]
+    )
+    ripple = with_effect("speed-ripple", amplitude=0.2, phase_deg=0.0)
+    np.testing.assert_allclose(plain, expected(), atol=2e-4)
+    agree(rippled, expected(ripple))
+    agree(later, expected(rpm=(1.05 * LEFT, RIGHT)))
+    agree(again, expected(ripple, rpm=(1.05 * LEFT, RIGHT)), rippled)
+
+
+@pytest.mark.parametrize("in_the_file", [False, True])
+def test_wheels_that_ripple_may_need_steps_for_each_of_their_turns(
+    monkeypatch: pytest.MonkeyPatch, *, in_the_file: bool
+) -> None:
+    """Wheels at 533 rpm turn 18 times in two seconds and need 1100 steps; without ripple a run needs some dozen."""
+    monkeypatch.setattr(simulation, "MOST_STEPS", 200)
+    fast = replace(RUN, left_rpm=533.0, right_rpm=320.0, systematic={})
+    ripple = with_effect("speed-ripple", amplitude=0.28, phase_deg=0.0)
+    robot, asked = (ripple, task()) if in_the_file else (BARREL, task(terms={"speed-ripple": (0.28, 0.0)}))
+    terms = named_terms(20.0, (30.0, 60.0))
+    (marks,) = Simulated([robot], [fast], terms, KNOWN, SIGMA_S).marks([asked])
+    np.testing.assert_allclose(
+        marks, expected(ripple, (533.0, 320.0)), atol=5e-3
+    )  # a quarter of a per mille of the path
+    monkeypatch.setattr(simulation, "STEPS_OF_A_TURN", 0)
+    (failed,) = Simulated([robot], [fast], terms, KNOWN, SIGMA_S).marks([asked])
+    assert np.isnan(failed).all()
+
+
 def free_form(channel: str, basis: str, coefficient: float) -> EffectEntry:
     return EffectEntry.model_validate(
         {"id": "free-form", "channel": channel, "basis": basis, "coefficient": coefficient}
@@ -228,6 +259,23 @@ def test_a_recording_that_begins_late_is_simulated_from_the_start_of_the_motors(
     whole = expected(time=np.concatenate([[START_S], TIME + 1.0]) / factor, start_s=START_S / factor)
     np.testing.assert_allclose(marks, whole[1:], atol=2e-4)
     assert np.abs(whole[1] - whole[0]).max() > 0.3  # it has moved by its first frame
+
+
+@pytest.mark.parametrize("first_s", [0.0, 1.0])
+def test_a_log_has_the_true_clock_from_its_zero_on(first_s: float) -> None:
+    """A camera that is 1.25 times as fast as stated does not delay the change, 0.4 s after the zero of the log."""
+    steps = [(0.1, LEFT, RIGHT), (0.4, RIGHT, LEFT)]
+    log = RunCommand(Command.steps([(START_S + at, *rpm) for at, *rpm in steps]), logged=True, zero_s=START_S)
+    run = replace(RUN, log=log, start_s=START_S + 0.1, time_s=TIME + first_s, systematic={})
+    terms = named_terms(20.0, (30.0, 60.0))
+    (marks,) = Simulated([BARREL], [run], terms, KNOWN).marks(
+        [task(terms={"time-base": (1.25,)}, nominal={"start_common_s": 0.1})]
+    )
+    zero_s = (START_S + 0.1 * KNOWN["start_common_s"]) / 1.25
+    command = Command.steps([(zero_s + at, *rpm) for at, *rpm in steps])
+    frames = np.concatenate([[min(zero_s + 0.1, first_s / 1.25) - 1e-3], run.time_s / 1.25])
+    whole = marks_of_run(BARREL, simulate(BARREL, command, frames, State(*POSE), run_index=3)).to_numpy()[:, 1:]
+    np.testing.assert_allclose(marks, whole[1:], atol=2e-4)
 
 
 def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_its_first_frame() -> None:

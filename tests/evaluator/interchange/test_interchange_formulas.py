@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from evaluator.errors import InputError
 from evaluator.interchange.bags import Topics, _of_joints, _of_numbers, _of_velocity, _pose, _time_s
-from evaluator.interchange.commands import RunCommand, constant
+from evaluator.interchange.commands import RunCommand, constant, from_log
 from evaluator.interchange.poses import LARGEST_CLOCK_S, _zero_s, in_recording_s, poses_of, read_poses, scatter
 from evaluator.interchange.tracker_project import Project
 from evaluator.interchange.tracks import Tracks, read_any_marks, read_points
@@ -88,6 +88,23 @@ def test_a_run_begins_and_ends_where_its_motors_come_on_first_and_go_off_last() 
     assert (still.start_s, still.stop_s, still.main(0.0, 9.0)) == (None, None, (0.0, 0.0))
     begun = constant(30.0, 20.0, 0.7, None)
     assert (begun.start_s, begun.stop_s, begun.starts_at_rest) == (0.7, None, True)
+
+
+def test_a_clock_of_the_recording_that_is_fast_delays_its_own_times_but_no_log(tmp_path: Path) -> None:
+    """Times are multiplied by 1.25 from the first frame on: the log of the motors has another clock, and is right."""
+    np.testing.assert_allclose(RunCommand(STEPS).in_true_time(1.25).time_s, STEPS.time_s / 1.25)
+    table = pd.DataFrame({"time_s": [0.2, 1.2], "left_rpm": [30.0, 0.0], "right_rpm": [20.0, 0.0]})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    told = from_log(tmp_path / "log.csv", 5.0)
+    first, last = (told.in_true_time(1.25).stretches()[k].begin_s for k in (1, 2))
+    assert (told.start_s, told.zero_s, first, last) == pytest.approx((5.2, 5.0, 4.2, 5.2))
+    late = told.later(0.5)
+    assert (late.start_s, late.zero_s) == pytest.approx((5.7, 5.5))
+    assert late.in_true_time(1.25).stretches()[1].begin_s == pytest.approx(4.6)
+    assert (RunCommand(STEPS).later(2.0).start_s, RunCommand(STEPS).later(2.0).zero_s) == (3.0, None)
+    table["time_s"] += 1.7e9  # of a computer that logged both
+    table.to_csv(tmp_path / "log.csv", index=False)
+    assert from_log(tmp_path / "log.csv", 0.0, 1.7e9).zero_s is None
 
 
 def project(folder: Path, *, systems: list[dict[str, float]], clip: str = "", control: str = "") -> Project:

@@ -176,7 +176,7 @@ def _offsets(run: RunData) -> list[Alternative]:
             replace(
                 run,
                 start_s=run.start_s + offset if run.log.starts_at_rest else run.start_s,
-                log=replace(run.log, command=run.log.command.retimed(later_s=offset)),
+                log=run.log.later(offset),
             ),
             f"follows its command log {abs(offset):.1f} s {'late' if offset > 0 else 'early'}",
             later_s=offset,
