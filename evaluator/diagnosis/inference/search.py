@@ -82,7 +82,7 @@ class Search:
 
     def score(self, ids: frozenset[str]) -> float:
         """Log evidence plus log prior of a fitted set."""
-        return self.fits[ids].posterior.log_evidence + log_prior(len(ids), len(self.terms))
+        return self._worth(self.fits[ids])
 
     def reached(self, ids: frozenset[str]) -> Fit | None:
         """The fit of a set, converged or not: an initial value for others, evidence only if it converged."""
@@ -96,6 +96,14 @@ class Search:
         explains = "explains" if self.fits[best].excess < EXPLAINED else "does not explain"
         left = f"its residuals are {self.fits[best].excess:.2g} times the mean square of the noise"
         return f"of {len(self.fits)} fitted models the most probable is {what}, which {explains} the runs: {left}"
+
+    def initial(self, most: int) -> list[Fit]:
+        """The most probable fits of all sets, best first, as initial values: also fits that have not converged."""
+        reached = [fit for fit in (*self.fits.values(), *self.failed.values()) if fit is not None]
+        return sorted(reached, key=lambda fit: -self._worth(fit))[:most]
+
+    def _worth(self, fit: Fit) -> float:
+        return fit.posterior.log_evidence + log_prior(len(fit.terms), len(self.terms))
 
     def ranked(self) -> list[frozenset[str]]:
         """Fitted sets, most probable first."""

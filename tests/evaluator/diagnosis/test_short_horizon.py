@@ -64,7 +64,7 @@ def test_a_far_start_is_fitted_to_longer_and_longer_beginnings_each_from_the_one
     assert found == reached
 
 
-def test_the_four_best_sets_of_one_second_are_carried_on_to_two_and_a_half_and_from_there_to_whole_runs(
+def test_the_four_best_sets_of_one_second_converged_or_not_are_carried_on_to_two_and_a_half_and_from_there_to_whole_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Sets by name with their log evidence; those of the longer beginning come in another order."""
@@ -77,9 +77,12 @@ def test_the_four_best_sets_of_one_second_are_carried_on_to_two_and_a_half_and_f
         calls.append((horizon_s, start, nominal, noise_at, search.most_steps, [one.name for one in seeds]))
         for name, value in evidence[horizon_s].items():
             fit: Any = SimpleNamespace(
-                name=name, point=f"{name or 'none'} at {horizon_s}", posterior=SimpleNamespace(log_evidence=value)
-            )
-            search.fits[frozenset(name)] = fit
+                name=name, point=f"{name or 'none'} at {horizon_s}", posterior=SimpleNamespace(log_evidence=value),
+                terms=frozenset(name),
+            )  # fmt: skip
+            kept = search.failed if name == "a" else search.fits  # not converged, but an initial value
+            kept[fit.terms] = fit
+        search.failed[frozenset("z")] = None
 
     monkeypatch.setattr(short_horizon, "within_horizon", shortened)
     monkeypatch.setattr(short_horizon, "run_search", run_search)
@@ -110,7 +113,7 @@ def test_the_first_seconds_are_carried_on_from_the_best_set_with_which_the_next_
     def run_search(search: Search, *_: Any) -> None:
         begun.append(search.problem.noise_at)  # type: ignore[attr-defined]
         for rank, name in enumerate("abcd" if search.problem.horizon_s == 1.0 else "z"):
-            fit: Any = SimpleNamespace(point=name, posterior=SimpleNamespace(log_evidence=-rank))
+            fit: Any = SimpleNamespace(point=name, posterior=SimpleNamespace(log_evidence=-rank), terms=frozenset(name))
             search.fits[frozenset(name)] = fit
 
     monkeypatch.setattr(short_horizon, "within_horizon", within_horizon)

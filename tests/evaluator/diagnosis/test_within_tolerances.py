@@ -58,8 +58,8 @@ class Linear:
         assert {task.run for task in tasks} == {0}
         return [
             self.ways[0]
-            + 0.2 * task.nominal["known"] / 0.5 * self.ways[1]
-            + 0.2 * task.nominal["table.name"] / 0.03 * self.ways[2]
+            + 0.2 * task.nominal.get("known", 0.0) / 0.5 * self.ways[1]
+            + 0.2 * task.nominal.get("table.name", 0.0) / 0.03 * self.ways[2]
             + 0.2 * task.per_run[START_POSE] / 0.1 * self.ways[3]
             for task in tasks
         ]
