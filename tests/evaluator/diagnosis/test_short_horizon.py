@@ -64,7 +64,7 @@ def test_a_far_start_is_fitted_to_longer_and_longer_beginnings_each_from_the_one
     assert found == reached
 
 
-def test_the_four_best_sets_of_one_second_converged_or_not_are_carried_on_to_two_and_a_half_and_from_there_to_whole_runs(
+def test_the_four_best_sets_of_one_second_converged_or_not_are_carried_on_to_two_and_a_half_and_to_whole_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Sets by name with their log evidence; those of the longer beginning come in another order."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +71,32 @@ def test_nothing_is_added_where_runs_without_their_own_friction_cannot_be_simula
     monkeypatch.setattr(strategy, "screen", seen)
     strategy._extend_without_scatter(search, search.null, (), tuple(search.terms.values()))
     assert list(search.fits) == [NOTHING]
+
+
+@pytest.mark.parametrize(("of_fit", "fitted"), [(0.0, ["c", "b"]), (6.9, ["c"]), (9.0, []), (-50.0, ["c", "b"])])
+def test_an_addition_without_friction_of_runs_must_promise_more_than_the_fit_itself_has(
+    of_fit: float, fitted: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the friction of its runs the set alone is worth 0, with b 4 and with c 9."""
+    promised = {(): 0.0, ("a",): 1.9, ("b",): 4.0, ("c",): 9.0}
+    offers = [(name, (number,)) for number, name in enumerate("abc")]
+    view = SimpleNamespace(offers=offers, evidence=lambda *asked: promised[tuple(name for name, _ in asked)])
+    monkeypatch.setattr(strategy, "screen", lambda *_: view)
+    tried: list[str] = []
+    monkeypatch.setattr(strategy, "_refit", lambda _s, _v, sets, *_: tried.extend(name for ((name, _),) in sets))
+    fit: Any = Fitted(Point(np.ones((1, 7))), SimpleNamespace(log_evidence=of_fit))
+    search: Any = SimpleNamespace(asked=NOTHING, fits={})
+    strategy._extend_without_scatter(search, fit, (), ())
+    assert tried == fitted
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit of no effects."""
+
+    point: Point
+    posterior: Any
+    terms: frozenset[str] = NOTHING
 
 
 def test_a_fit_of_what_the_user_asks_for_begins_where_its_file_says(
