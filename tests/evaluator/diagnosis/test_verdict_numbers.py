@@ -77,7 +77,7 @@ def test_a_free_term_that_pays_and_is_twice_as_probable_casts_doubt_and_half_as_
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("carries_over", [True, False])
 @pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])
-def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_left_out_and_its_size_is_significant(
+def test_a_free_term_beside_others_must_predict_commands_left_out_and_on_open_ground_have_a_significant_size(
     least_material: float, asked: bool, carries_over: bool, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scores = {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0}
@@ -86,7 +86,7 @@ def test_on_open_ground_a_free_term_casts_doubt_only_where_it_predicts_commands_
     with_sigma(monkeypatch, 0.1 if told else 1.0)
     monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
     found = decide(search, table, 95, A, least_material)
-    assert found[:2] == ((FREE | A, "unknown") if (carries_over and told) or not asked else (A, "effect"))
+    assert found[:2] == ((FREE | A, "unknown") if carries_over and (told or not asked) else (A, "effect"))
 
 
 @pytest.mark.parametrize(
@@ -253,6 +253,16 @@ def test_the_doubt_is_shared_with_single_effects_that_do_not_pay(
     search, table = ranked({A: 10.0, FREE: 10.76, B: other, NONE: 0.0})
     predicting(monkeypatch, lambda *_: False)
     assert decide(search, table, 95, A)[1] == answer
+
+
+@pytest.mark.parametrize("carries_over", [True, False])
+def test_a_free_term_beside_nothing_is_unknown_physics_only_if_it_predicts_commands_left_out(
+    carries_over: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Friction that changes with time is followed by terms that grow with time, but in no other run."""
+    search, table = ranked({FREE: 40.0, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: carries_over)
+    assert decide(search, table, 95, NONE)[:2] == ((FREE, "unknown") if carries_over else (NONE, "none"))
 
 
 @pytest.mark.parametrize(("least_material", "answer"), [(19.9, "unknown"), (20.1, "effect")])
