@@ -104,8 +104,8 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     problem, residuals = replace(problem, channels=tuple(seen)), cleaned
     frames = [problem.counting_frames(run) for run in range(len(problem.data))]
     ends = [int(np.flatnonzero(used)[-1]) + 1 for used in frames]
-    bands = [
-        wheel_bands(run.run_command.command, run.time_s[:end], item[:end, 2])
+    bands = [  # on open ground the noise contains all that the model leaves
+        () if problem.open_ground else wheel_bands(run.run_command.command, run.time_s[:end], item[:end, 2])
         for run, item, end in zip(problem.data, problem.channels, ends, strict=True)
     ]
     noise = channel_noise(

@@ -76,8 +76,9 @@ def test_noise_cannot_be_estimated_at_a_point_from_which_a_run_cannot_be_simulat
         preparation.with_noise_of(problem, Point(np.zeros((2, 7))))
 
 
+@pytest.mark.parametrize("open_ground", [False, True])
 def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, *, open_ground: bool
 ) -> None:
     asked: list[Any] = []
     command = Command([3.0], [240.0], [240.0])
@@ -87,7 +88,7 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     )  # fmt: skip
     problem: Any = SimpleNamespace(
         data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
-        residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=False, length=1.0,
+        residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=open_ground, length=1.0,
         common_drift=Drift(0.1), friction_wander=0.0, change_sigma_s=0.0,
     )  # fmt: skip
     drifting = tuple(Noise(size, 0.0, 0.1, Drift(0.01)) for size in (1.0, 1.0, 3.0, 4.0))
@@ -96,10 +97,12 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     monkeypatch.setattr(preparation, "channel_noise", lambda _: ["of spectra"])
     monkeypatch.setattr(preparation, "with_drift", lambda noise, *_: [drifting] if noise == ["of spectra"] else None)
     monkeypatch.setattr(preparation, "compression", lambda *said: said)
+    monkeypatch.setattr(preparation, "_left_over", lambda *_: None)
+    monkeypatch.setattr(preparation, "with_discrepancy", lambda noise, *_: noise)
     found = preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
     ((time_s, residual_mm, since_s, bands),) = asked
     assert (len(time_s), residual_mm.shape, since_s) == (30, (30, 4), 3.0 + preparation.SETTLING_S)
-    np.testing.assert_allclose(bands, [(4 - 2 / 26, 4 + 2 / 26)])
+    np.testing.assert_allclose(bands, [] if open_ground else [(4 - 2 / 26, 4 + 2 / 26)])
     both = tuple(replace(part, common_drift=Drift(0.1)) for part in drifting[:2])  # of the midpoint alone
     assert found.noise == ((*both, *drifting[2:]),)
     assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM, bands)
