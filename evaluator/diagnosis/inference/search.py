@@ -81,8 +81,8 @@ class Search:
         return -np.inf if fit is None else fit.posterior.log_evidence
 
     def score(self, ids: frozenset[str]) -> float:
-        """Log evidence plus log prior of a fitted set."""
-        return self._worth(self.fits[ids])
+        """Log evidence plus log prior of a set; see evidence."""
+        return self.evidence(ids) + log_prior(len(ids), len(self.terms))
 
     def reached(self, ids: frozenset[str]) -> Fit | None:
         """The fit of a set, converged or not: an initial value for others, evidence only if it converged."""
@@ -99,11 +99,8 @@ class Search:
 
     def initial(self, most: int) -> list[Fit]:
         """The most probable fits of all sets, best first, as initial values: also fits that have not converged."""
-        reached = [fit for fit in (*self.fits.values(), *self.failed.values()) if fit is not None]
-        return sorted(reached, key=lambda fit: -self._worth(fit))[:most]
-
-    def _worth(self, fit: Fit) -> float:
-        return fit.posterior.log_evidence + log_prior(len(fit.terms), len(self.terms))
+        known = {ids: fit for ids, fit in (*self.fits.items(), *self.failed.items()) if fit is not None}
+        return [known[ids] for ids in sorted(known, key=self.score, reverse=True)[:most]]
 
     def ranked(self) -> list[frozenset[str]]:
         """Fitted sets, most probable first."""

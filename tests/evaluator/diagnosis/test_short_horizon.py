@@ -77,11 +77,10 @@ def test_the_four_best_sets_of_one_second_converged_or_not_are_carried_on_to_two
         calls.append((horizon_s, start, nominal, noise_at, search.most_steps, [one.name for one in seeds]))
         for name, value in evidence[horizon_s].items():
             fit: Any = SimpleNamespace(
-                name=name, point=f"{name or 'none'} at {horizon_s}", posterior=SimpleNamespace(log_evidence=value),
-                terms=frozenset(name),
-            )  # fmt: skip
+                name=name, point=f"{name or 'none'} at {horizon_s}", posterior=SimpleNamespace(log_evidence=value)
+            )
             kept = search.failed if name == "a" else search.fits  # not converged, but an initial value
-            kept[fit.terms] = fit
+            kept[frozenset(name)] = fit
         search.failed[frozenset("z")] = None
 
     monkeypatch.setattr(short_horizon, "within_horizon", shortened)
@@ -113,7 +112,7 @@ def test_the_first_seconds_are_carried_on_from_the_best_set_with_which_the_next_
     def run_search(search: Search, *_: Any) -> None:
         begun.append(search.problem.noise_at)  # type: ignore[attr-defined]
         for rank, name in enumerate("abcd" if search.problem.horizon_s == 1.0 else "z"):
-            fit: Any = SimpleNamespace(point=name, posterior=SimpleNamespace(log_evidence=-rank), terms=frozenset(name))
+            fit: Any = SimpleNamespace(point=name, posterior=SimpleNamespace(log_evidence=-rank))
             search.fits[frozenset(name)] = fit
 
     monkeypatch.setattr(short_horizon, "within_horizon", within_horizon)
