@@ -126,9 +126,9 @@ def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
     assert free[1] == pytest.approx(free[0] * 100.0 * 1e4 / 100.0)  # a moment, per speed
 
 
-def test_motors_of_a_large_robot_are_looked_at_as_late_too_and_those_of_a_small_one_as_prompt() -> None:
+def test_motors_of_a_large_robot_are_looked_at_as_later_than_those_of_a_small_one() -> None:
     usual, large = (named_terms(20.0, (30.0,), size=item)["command-lag"] for item in (PAPER_SIZE, Size(100.0, 1e4)))
-    assert usual.starts == ()
+    assert [start[0] for start in usual.starts] == [0.02]
     assert [start[0] for start in large.starts] == [0.05, 0.3]
     assert all(large.clipped(start) == start for start in large.starts)
 

@@ -126,6 +126,25 @@ def test_what_the_user_asks_for_is_fitted_whatever_is_promised_of_it(
         assert set(search.fits) == {NOTHING, *({asked} if asked else ())}
 
 
+def test_a_time_constant_of_milliseconds_is_seen_on_a_plate_where_a_later_start_explains_the_delay(
+    tmp_path: Path,
+) -> None:
+    """At no delay the share of the time constant has no slope, and the delay has that of the start of all runs."""
+    session = hidden_session(tmp_path, {"command-lag": {"dead_time_s": 0.0, "time_constant_s": 0.02}}, exact=True)
+    terms = {"command-lag": named_terms(20.0, (30.0, 60.0))["command-lag"]}
+    problem, nominal = build_problem(session.data, Simulated(session.robots, session.data, terms))
+    search = Search(problem, terms, session.tolerance, tuple(range(len(session.data))))
+    search.fits[NOTHING] = fit_model(problem, nominal, [], search.tolerance)
+    view = screen(search, search.null.point, (), terms.values())
+    (offer,) = view.offers
+    assert len(offer[1]) == 2
+    assert view.columns[offer[1][0]].start == (0.02, 0.5)
+    fitted = fit_set(search, frozenset(terms), {"command-lag": view.start_of(offer)}, search.null)
+    assert fitted is not None
+    found = terms["command-lag"].physical(fitted.point.terms["command-lag"])
+    assert found["time_constant_s"] == pytest.approx(0.02, rel=0.2)
+
+
 def test_a_candidate_that_begins_where_it_acts_is_promised_what_its_fit_brings(tmp_path: Path) -> None:
     """Late motors are looked for from delays of 0.05 and 0.3 s; slopes there say nothing of what that delay gains."""
     session = hidden_session(tmp_path, {"command-lag": {"dead_time_s": 0.2, "time_constant_s": 0.2}}, exact=True)
