@@ -25,10 +25,10 @@ def _fitted(scene: Scene) -> Candidate:
     """Coordinates: total delay (dead time + time constant), and the time constant's share of it.
 
     To first order wheels follow late by the total; the share acts by the square of the time constant, so that in the
-    two times themselves every fit at time constant 0 would be a stationary point. At zero delay the share has no effect,
-    and the delay that of a later start; hence the initial values. Without them, in a session of robots at 300 rpm whose
-    motors lagged by 8 ms, magnets of 3.5 times the strength were named, which have a log evidence 45 lower. For a robot
-    of a metre, half a second of delay moves the following path too far for a linearization at zero delay.
+    two times themselves every fit at time constant 0 would be a stationary point. At zero delay the share has no slope,
+    and the delay that of a later start; hence the initial values. Without them, in a session at 300 rpm whose motors
+    lagged by 8 ms, magnets of 3.5 times the strength were named, with a log evidence 45 lower. For a robot of a metre,
+    half a second of delay moves the following path too far for a linearization at zero delay.
     """
 
     def physical(values: tuple[float, ...]) -> Parameters:
