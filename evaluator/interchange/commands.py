@@ -34,14 +34,20 @@ class RunCommand:
         zero_s = None if self.zero_s is None else self.zero_s + by_s
         return replace(self, command=self.command.retimed(later_s=by_s), zero_s=zero_s)
 
-    def in_true_time(self, factor: float) -> Command:
-        """The command in true time, if times of the recording are factor times the true ones: see time-base.
+    def true_clock(self, factor: float, late_s: float = 0.0) -> tuple[float, float]:
+        """What to add to times of the command, and to multiply the sum by, for true times.
 
-        A camera with another frame rate than stated does not slow the motors: the clock of their log is right.
+        factor: of times of the recording over true ones, see time-base. late_s: of the command, in the recording. A
+        camera with another frame rate than stated does not slow the motors: the clock of their log is right.
         """
         if self.zero_s is None:
-            return self.command.retimed(1 / factor)
-        return self.command.retimed(later_s=self.zero_s / factor - self.zero_s)
+            return late_s, 1 / factor
+        return (self.zero_s + late_s) / factor - self.zero_s, 1.0
+
+    def in_true_time(self, factor: float) -> Command:
+        """The command in true time; factor: see true_clock."""
+        later_s, times = self.true_clock(factor)
+        return self.command.retimed(times, later_s * times)
 
     @cached_property
     def driven(self) -> tuple[Stretch, ...]:

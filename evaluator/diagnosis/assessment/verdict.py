@@ -43,8 +43,8 @@ RELIEVING = 6.0
 # the second world); if the named ones imitated something else, at least 76 % (18 of 20; 14 and 15 % in two whose data
 # do not distinguish it from them). From ALIKE_WELL on the reason mentions them. A free-form term beside the named
 # effects, or beside none, must also predict left-out commands better by BETTER_SIGMAS: terms that grow with time follow
-# friction that changes with time. In two untidy sessions of the twelfth world these gained 0.6 and 1.1 standard errors;
-# in physics outside the catalogue, 2.8.
+# friction that changes with time. In three untidy sessions of the twelfth world these gained −0.3 to 1.1 standard
+# errors; in a session with physics outside the catalogue (a twisted wire), 2.8.
 DOUBT, ALIKE_WELL = 2 / 3, 1 / 3
 # Excess of the residuals over noise: mean square, and standard errors. The noise of slow modes is extrapolated from
 # fast ones to some ten per cent; a larger excess is motion.

@@ -137,7 +137,7 @@ def _extend_without_scatter(search: Search, fit: Fit, inside: Sequence[str], oth
     The friction and gains of the fit absorb part of an effect that it lacks. If they absorb most of it, the effect
     hardly shows there: beside a toe of the wheels, a scrub gained nothing by screening at the fit, 21 without its
     friction and gains, and 38 when fitted from there. An addition that promises less than the fit itself has is not
-    fitted: of 39 in 19 sessions, these were 33, and none was the best of its session; one of the other six was.
+    fitted: of 39 in 18 sessions, these were 33, and none was the best of its session; one of the other six was.
     """
     begin = replace(fit, point=fit.point.without_scatter())
     unasked = [term for term in others if not term.stepwise and term.id not in search.asked]

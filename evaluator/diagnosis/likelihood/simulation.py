@@ -28,7 +28,7 @@ from simulator.robot import Robot
 from simulator.simulation import RUN_IN_S
 
 # Runs need up to some hundred steps. Parameters that make wheels chatter would need many more; such points are treated
-# as not simulable. Where the speed of the wheels ripples, up to 90 a revolution are needed.
+# as not simulable. Wheels whose speed ripples by 28 % need up to 61 a revolution; larger ripple is left room.
 MOST_STEPS, STEPS_OF_A_TURN = 1500, 150
 # Tolerance of a step, in the unit of length of the kernel of a robot. On a plate it is far below the tracking noise, so
 # that differences of two runs have four digits. With ripple at 533 rpm, runs end 2 µm off and differences are accurate
@@ -67,7 +67,6 @@ class Simulated:
         self._terms = {term.id: term for count in counts for term in wheel_friction(count)} | dict(terms)
         run_commands = [run.run_command for run in data]
         self._knots = [item.command.knots for item in run_commands]
-        self._zeros_s = [item.zero_s for item in run_commands]
         self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
@@ -194,14 +193,8 @@ class Simulated:
         return knots, np.cumsum([0, *sizes])
 
     def _true_clock(self, task: Task, time_factor: float) -> tuple[float, float]:
-        """What to add to times of the commands of a task, and to multiply the sum by, for true times.
-
-        See RunCommand.in_true_time.
-        """
-        late_s, zero_s = self._late_s(task), self._zeros_s[task.run]
-        if zero_s is None:
-            return late_s, 1 / time_factor
-        return (zero_s + late_s) / time_factor - zero_s, 1.0
+        """RunCommand.true_clock of a task."""
+        return self._data[task.run].run_command.true_clock(time_factor, self._late_s(task))
 
     def _late_s(self, task: Task) -> float:
         """Delay of the start of the motors of a task, in the time of the recording."""
