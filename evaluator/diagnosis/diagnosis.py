@@ -21,7 +21,7 @@ from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
-from evaluator.diagnosis.likelihood.run_data import is_shared
+from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.parted_session import parted
@@ -33,6 +33,10 @@ from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_al
 from evaluator.progress import Progress
 
 ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
+UNSIMULATED = (
+    "the model of the robot file has no lasting motion for its command, as where a robot balances on a motion that the "
+    "least disturbance ends: change the command a little"
+)
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
 
 
@@ -194,6 +198,11 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         return _searched(session, progress, fits)
     except SearchStoppedError as stopped:
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
+    except NotSimulatedError as failed:
+        rest = session.leaving_out([k for k, run in enumerate(session.data) if run.id in failed.runs], UNSIMULATED)
+        if shortcomings(rest.data):
+            raise
+        return _diagnosed(rest, progress, fits)
 
 
 def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:

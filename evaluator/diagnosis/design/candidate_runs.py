@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evaluator.robot_geometry import reference_places
 from simulator.command import Command
+from simulator.errors import SimulationError
 from simulator.observation import view_of
 from simulator.robot import Robot
 from simulator.simulation import simulate
@@ -122,9 +123,12 @@ def _reach(path: Floats, heading_deg: float, seconds: float) -> tuple[Floats, Fl
 
 
 def _path(robot: Robot, command: tuple[float, float]) -> Floats | None:
-    """Marks (n, 4) of a run from the origin at heading 0; None if an arbitrarily small disturbance decides its turn."""
+    """Marks (n, 4) of a run from the origin at heading 0; None if a small disturbance ends or decides its motion."""
     times = np.arange(DURATION_S * STEPS_PER_S + 1) / STEPS_PER_S
-    run = simulate(robot, Command.constant(*command, 0.0), times)
+    try:
+        run = simulate(robot, Command.constant(*command, 0.0), times)
+    except SimulationError:
+        return None
     if run.is_by_chance:
         return None
     seen = view_of(robot, reference_places(robot)).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)

@@ -95,7 +95,8 @@ def fit_model(
         try:
             fit = _fitted(problem, begin, columns, tolerance, chosen, np.array(most_scatter or np.inf), rival)
         except FloatingPointError:
-            problem.fits[question] = None
+            if terms:  # a run without which there is no model at all is left out; the cache does not know which
+                problem.fits[question] = None
             raise
         problem.fits[question] = End(
             fit.point.per_run, fit.point.nominal, fit.point.terms, fit.converged, fit.steps, fit.shortfall

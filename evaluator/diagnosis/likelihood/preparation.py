@@ -30,7 +30,14 @@ from evaluator.diagnosis.likelihood.noise.smoothing import averaged_frames, is_s
 from evaluator.diagnosis.likelihood.noise.wheel_bands import wheel_bands
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, START_POSE, Forward, RunData, aligned_starts
+from evaluator.diagnosis.likelihood.run_data import (
+    PER_RUN,
+    START_POSE,
+    Forward,
+    NotSimulatedError,
+    RunData,
+    aligned_starts,
+)
 from evaluator.robot_geometry import wheel_paths
 
 Floats = NDArray[np.float64]
@@ -89,12 +96,12 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     """The problem with noise estimated from the residuals at a point, and every run compressed accordingly.
 
     Frames in which the residual jumps and returns are ignored from then on, as tracking errors. Raises
-    FloatingPointError if a run cannot be simulated at the point.
+    NotSimulatedError if runs cannot be simulated at the point.
     """
     residuals = problem.residuals([point.task(run) for run in range(len(problem.data))])
-    for run, item in zip(problem.data, residuals, strict=True):
-        if not np.isfinite(item).any():
-            raise FloatingPointError(f"run {run.id} cannot be simulated at this point")
+    failed = [run.id for run, item in zip(problem.data, residuals, strict=True) if not np.isfinite(item).any()]
+    if failed:
+        raise NotSimulatedError(failed)
     cleaned = [without_outliers(item, CHANNELS) for item in residuals]
     jumps = [np.isnan(new) & np.isfinite(old) for new, old in zip(cleaned, residuals, strict=True)]
     seen = (

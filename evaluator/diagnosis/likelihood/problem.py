@@ -23,7 +23,7 @@ from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, sm
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point, points_of, theta_of
-from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, RunData, Task
+from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, NotSimulatedError, RunData, Task
 from simulator.effects.parameter import Size
 
 Floats = NDArray[np.float64]
@@ -127,12 +127,12 @@ class Problem:
     def linearized(
         self, point: Point, columns: Sequence[Column], runs: Sequence[int] | None = None
     ) -> list[Linearized]:
-        """Response and derivatives of the runs at a point; FloatingPointError if the simulation fails there."""
+        """Response and derivatives of the runs at a point; NotSimulatedError if the simulation fails there."""
         chosen = list(range(len(self.data)) if runs is None else runs)
         found = self.attempted(point, columns, chosen)
         failed = [self.data[run].id for run, item in zip(chosen, found, strict=True) if item is None]
         if failed:
-            raise FloatingPointError(f"run {failed[0]} cannot be simulated at this point")
+            raise NotSimulatedError(failed)
         return [item for item in found if item is not None]
 
     def attempted(self, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[Linearized | None]:

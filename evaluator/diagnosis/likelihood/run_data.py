@@ -27,6 +27,15 @@ def is_shared(key: str) -> bool:
     return "." not in key
 
 
+class NotSimulatedError(FloatingPointError):
+    """Runs cannot be simulated at a point of the parameters."""
+
+    def __init__(self, runs: Sequence[str]) -> None:
+        """runs: their ids."""
+        self.runs = tuple(runs)
+        super().__init__(f"run {self.runs[0]} cannot be simulated at this point")
+
+
 @dataclass(frozen=True)
 class RunData:
     """One recorded run, independent of its source.

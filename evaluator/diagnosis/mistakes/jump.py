@@ -14,6 +14,10 @@ AROUND_JUMP = 10  # frames on either side of a jump over which the path is nearl
 MOST_JUMPS = 20  # positions of a run that are examined, those with the largest deviations first
 JUMP_WITHIN = 8  # frames: up to six of those next to a jump may have been rejected as outliers
 LEAST_JUMP_MM = 0.05  # if one side reverses 10 ms before the other, the position changes by 0.03 mm
+# One side may start or stop so much before the other, through play of its gear or stiction: three frames of a camera.
+# Until then the robot turns about the wheels that stand, which displaces it by less than the change of its speed in
+# this time.
+STAGGERED_S = 0.05
 OF_ROUNDING = 1.5  # lines on either side of a step are each off by half the unit in x and y: √2 of it together
 MOST_LOST = 3  # consecutive frames that recorders drop without notice
 FEWEST_AROUND = 5  # frames on either side that determine a line and its scatter
@@ -25,8 +29,8 @@ def jump(run: RunData) -> tuple[float, float] | None:
 
     A robot moves by its speed times the frame interval; a camera that is hit moves at once. Lines through some frames
     before and after are extrapolated to the time between. Not counted are jumps of one mark alone, such as the trace of
-    an outlier in smoothed tracks; along the change of velocity, as of motors that start between two frames; and along
-    the path, as of lost frames.
+    an outlier in smoothed tracks; beside a change of velocity, as of motors that start between two frames or one after
+    the other; and along the path, as of lost frames.
     """
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
@@ -81,6 +85,7 @@ def _sizes(time_s: Floats, marks: Floats, places: NDArray[np.int64], least_mm: f
     # lost frames; tracks that were smoothed or numbered without regard to a gap are behind by it
     changed, lost = (-2 * span, 2 * span), (frame_s - span - 1e-9, np.full_like(span, MOST_LOST * frame_s))
     refused = np.hypot(*(first - other).T) > size
+    refused |= size <= STAGGERED_S * np.hypot(*(next_slope - slope).T)
     for speed, within in ((next_slope - slope, changed), (slope, lost), (next_slope, lost)):
         refused |= _covers(speed, within, leap, least)
     return np.where(refused | (size <= least), 0.0, size)

@@ -151,6 +151,17 @@ def test_neither_lost_frames_nor_a_start_or_a_reversal_of_the_motors_are_a_jump(
     assert [jump(run) for run in (lost, start, back)] == [None] * 3
 
 
+@pytest.mark.parametrize(("across_mm", "seen"), [(0.12, False), (0.2, True)])
+def test_a_side_that_starts_first_displaces_the_robot_by_less_than_its_speed_in_a_twentieth_of_a_second(
+    across_mm: float, seen: bool
+) -> None:
+    """At 3 mm/s by up to 0.15 mm; what displaces a robot that drives on as before is a jump."""
+    across = across_mm * (np.arange(len(TIME)) >= 90)[:, None] * np.tile([np.sin(0.4), -np.cos(0.4)], 2)
+    for since, jumps in ((np.maximum(TIME - TIME[90], 0.0), seen), (TIME, True)):
+        run = recorded(moving(since, 3.0, 0.0), noise_mm=0.003)
+        assert (jump(replace(run, marks_mm=run.marks_mm + across)) is not None) == jumps
+
+
 def test_the_larger_of_two_jumps_is_told_and_motion_is_none() -> None:
     run = recorded(moving(TIME, 2.0, 0.2))
     marks = run.marks_mm.copy()

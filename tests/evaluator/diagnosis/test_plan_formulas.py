@@ -17,6 +17,7 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.point import Column
 from evaluator.robot_geometry import reference_places
 from simulator.effects.coordinates import Candidate, Coordinate
+from simulator.errors import SimulationError
 from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import free_of_start, linear_runs
 
@@ -89,6 +90,14 @@ def test_runs_are_as_long_as_their_path_fits_and_lie_where_it_leaves_room(
 
 def test_a_command_at_which_chance_decides_is_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(candidate_runs, "simulate", lambda *_: SimpleNamespace(is_by_chance=True))
+    assert not list(placed(load_robot("barrel"), (30.0, 30.0), (0,), Room((0.0, 0.0), (99.0, 99.0)), (MIDDLE,)))
+
+
+def test_a_command_whose_motion_cannot_be_followed_is_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: Any) -> None:
+        raise SimulationError("the simulation did not finish")
+
+    monkeypatch.setattr(candidate_runs, "simulate", refused)
     assert not list(placed(load_robot("barrel"), (30.0, 30.0), (0,), Room((0.0, 0.0), (99.0, 99.0)), (MIDDLE,)))
 
 

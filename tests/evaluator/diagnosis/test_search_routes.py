@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
-from evaluator.diagnosis.diagnosis import _diagnosed, _with_next_runs
+from evaluator.diagnosis.diagnosis import UNSIMULATED, _diagnosed, _with_next_runs
 from evaluator.diagnosis.diverging_runs import DIVERGING
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.watch import SearchStoppedError
+from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
@@ -100,6 +101,31 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_anew(
     assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
     assert found.session.left_out == {"r1": DIVERGING}
     assert found.held_out == (1,)  # the second of the three that remain
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_runs_that_the_robot_file_cannot_simulate_are_left_out_unless_too_few_remain(
+    few: bool, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "none", open_ground=False)
+    ready = module.prepared
+
+    def prepared(session: Session, *given: Any) -> Any:
+        if failed := [run.id for run in session.data if run.id in ("r1", "r3")]:
+            raise NotSimulatedError(failed)
+        return ready(session, *given)
+
+    monkeypatch.setattr(module, "prepared", prepared)
+    monkeypatch.setattr(module, "shortcomings", lambda data, *_: ["2 usable runs"] if few and len(data) < 3 else [])
+    session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
+    if few:
+        with pytest.raises(NotSimulatedError, match="run r1 cannot be simulated"):
+            _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+        return
+    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    assert [step for step, *_ in done] == ON_PLATE
+    assert [run.id for run in found.session.data] == ["r0", "r2"]
+    assert found.session.left_out == {"r1": UNSIMULATED, "r3": UNSIMULATED}
 
 
 def test_what_cannot_be_searched_says_why_and_what_concerns_all_runs_first(monkeypatch: pytest.MonkeyPatch) -> None:

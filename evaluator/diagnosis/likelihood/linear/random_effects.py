@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def settled_by_run(
 
     With scatter None only the start pose is fitted. Runs are independent here: each iterates until its density
     converges, with a shorter step if a step does not improve, and with slopes updated by secants. seen: linearizations
-    of these runs at a nearby point, used as initial slopes. FloatingPointError if a run cannot be simulated at the
+    of these runs at a nearby point, used as initial slopes. NotSimulatedError if a run cannot be simulated at the
     point.
     """
     best = point.per_run.copy()
@@ -74,7 +75,7 @@ def settled_by_run(
                 going_on.append(run)
                 continue
             if item is None:
-                raise FloatingPointError(f"run {problem.data[run].id} cannot be simulated at this point")
+                raise NotSimulatedError([problem.data[run].id])
             gained = value[run] - now
             as_seen = anew or not np.isfinite(value[run])
             view = item if as_seen else secant(views[run], item, best[run], trial.per_run[run], problem.per_run_steps)
