@@ -127,7 +127,9 @@ def _without(
         return None
     if _is_followed(found, again, suspect):
         more = ", ".join(sorted(found.chosen - again.chosen))
-        why = f"the other runs do not need {more}; repeat it" if more else "more than noise in it alone; repeat it"
+        why = "more than noise in it alone; repeat it"
+        if more:
+            why = f"it alone needs {more}, because it was disturbed or shows the effect best; repeat it"
         return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None

@@ -191,11 +191,19 @@ def decide(
     carries = not beside or _predicts(search, likely[0], named)
     if share > DOUBT and carries and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
+
+    def needs(ids: Set) -> bool:
+        """Whether each named effect beside the free-form terms of a set is significant."""
+        return all(
+            table.of(ids) - score(search, ids - {effect}, families) > least_gain(ids) for effect in named_of(ids)
+        )
+
     # also better than named effects that are not significant, because chance may imitate both kinds
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
         if (
             gain(ids) > least_gain(ids)
+            and needs(ids)
             and table.of(ids) > table.of(frozenset())
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):

@@ -29,8 +29,10 @@ def verdict_sentence(content: Json) -> str:
         parts = [f"{each} (more than three tolerances)"] if each else []
         parts += [at_once] if at_once else []
         return f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}."
+    apart = content.get("left_out_runs") or {}
+    but = f", apart from {_some(sorted(apart))}, left out of the diagnosis" if apart else ""
     return {
-        "none": "Nothing is missing: the model explains these runs within noise, scatter and tolerances.",
+        "none": f"Nothing is missing: the model explains these runs within noise, scatter and tolerances{but}.",
         "insufficient": "These runs cannot decide whether an effect is missing, or which.",
     }.get(str(content.get("verdict")), "")
 

@@ -129,7 +129,7 @@ def test_a_run_that_the_others_follow_is_left_out_and_not_called_mistaken(monkey
     rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
     found = diagnosed(monkeypatch, finding("effect", chosen=both), rest, similar=True, followed=True)
     assert (found.verdict, found.chosen, found.session.mistakes) == ("effect", TILT, ())
-    why = "the other runs do not need friction-gradient; repeat it"
+    why = "it alone needs friction-gradient, because it was disturbed or shows the effect best; repeat it"
     assert found.session.left_out == {"r3": why}
 
 

@@ -218,6 +218,16 @@ def test_a_free_term_in_place_of_an_effect_is_less_probable_and_counts_if_it_pre
     assert decide(search, table, 95, AB)[1] == answer
 
 
+@pytest.mark.parametrize(("alone", "answer"), [(20.1, "unknown"), (20.3, "effect")])
+def test_a_free_term_that_predicts_better_beside_an_effect_counts_only_if_it_needs_the_effect(
+    alone: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A jet of air at one place was told as friction that grows with time beside a ripple which paid for nothing."""
+    search, table = ranked({AB: 30.0, A: 19.9, FREE | A: 28.2, FREE: alone, NONE: 0.0})
+    predicting(monkeypatch, lambda ids, _: ids == FREE | A)
+    assert decide(search, table, 95, AB)[1] == answer
+
+
 @pytest.mark.parametrize(
     ("scores", "named", "as_well", "answer"),
     [

@@ -301,5 +301,9 @@ def test_mistakes_that_only_the_diagnosis_finds_are_told_first_and_why_nothing_e
     first, *_, last = summary(runs, {}, found, NONE)
     assert first == "r11 moves as if so."
     assert last == "Nothing is missing: the model explains these runs within noise, scatter and tolerances."
+    without = summary(
+        runs, {}, {**found, "left_out_runs": {"r14": "it diverges", "r07": "it alone needs a drag"}}, NONE
+    )
+    assert any(line.endswith("and tolerances, apart from r07, r14, left out of the diagnosis.") for line in without)
     unknown = summary(runs, {}, {**found, "verdict": "unknown", "reason": "the runs a and b are explained apart"}, NONE)
     assert unknown[-1].endswith(" explains. The runs a and b are explained apart.")
