@@ -17,11 +17,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 counter = int
 
 
-def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Function]:
+def compiled(**options: Any) -> Callable[[Function], Function]:
     """Compile a function with numba.njit(**options) and cache it on disk; its static type does not change.
 
-    A kernel called by another one is compiled as a part of it and optimised only there. shared: the kernel is compiled
-    and cached separately and then linked, which pays for a large kernel that several others, or Python, call.
+    A kernel called by another one is compiled as a part of it and optimised only there.
 
     Division by zero gives infinity or NaN, as in numpy, so that one run out of thousands that leaves the range of the
     model does not stop the others.
@@ -33,14 +32,14 @@ def compiled(*, shared: bool = False, **options: Any) -> Callable[[Function], Fu
         from calibration.compilation.cache import keep_on_disk
         from calibration.compilation.parts import call_as_part
 
-        # No wrapper for C: kernels are called from Python and from other kernels only.
-        wanted = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
+        # No wrapper for C: kernels are called from Python and from other kernels only. numba gives forceinline of a
+        # kernel to all that it calls, unless they refuse: they would be written out at each of their calls.
+        wanted = {"error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": False, **options}
         kernel = njit(**wanted)(function)
         if kernel is function:  # NUMBA_DISABLE_JIT: plain Python, to step through a kernel or to mutate it
             return function
         keep_on_disk(kernel)
-        if not shared:
-            call_as_part(kernel, wanted)
+        call_as_part(kernel, wanted)
         return cast("Function", kernel)
 
     return decorate

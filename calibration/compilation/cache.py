@@ -204,10 +204,9 @@ def _user_cache() -> Path:
 def _alone(index: Path | None) -> Iterator[None]:
     """Hold the lock of a kernel, if the system has file locks, so that no other process compiles it.
 
-    A shared kernel is compiled while the lock of its caller is held, never the other way round, so that processes
-    cannot deadlock. After LONGEST_S, for instance if the process with the lock is suspended, the kernel is compiled
-    without the lock. If several programs share a core, the wait is longer by their number: without this, three
-    processes of a demo beside 20 other programs compiled the largest kernels three times.
+    After LONGEST_S, for instance if the process with the lock is suspended, the kernel is compiled without the lock. If
+    several programs share a core, the wait is longer by their number: without this, three processes of a demo beside 20
+    other programs compiled the largest kernels three times.
     """
     if index is None or sys.platform == "win32":
         yield

@@ -174,7 +174,7 @@ def friction(u: float, v: float, r: float, contacts: Any, rest: float, model: An
     return along, across, moment
 
 
-@compiled()
+@compiled(forceinline=True, fastmath=VECTORS)
 def _sliding_friction(u: float, v: float, r: float, contacts: Any, rest: float, model: Any) -> Triple:
     """Result of friction where the share model.sliding of it opposes the sliding velocity of each wheel."""
     along, across, moment = 0.0, 0.0, 0.0

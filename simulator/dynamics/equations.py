@@ -36,7 +36,7 @@ def accelerated(along: float, across: float, moment: float, model: Any) -> Tripl
     )
 
 
-@compiled(shared=True)
+@compiled()
 def accelerations(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> Triple:
@@ -45,7 +45,7 @@ def accelerations(
     return accelerated(along, across, moment, model)
 
 
-@compiled(shared=True)
+@compiled()
 def slopes(
     u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any, out: Any
 ) -> None:

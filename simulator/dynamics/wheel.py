@@ -57,7 +57,7 @@ def law_slopes(u: float, v: float, surface: float, wheel: int, scaled: Any, rest
     )
 
 
-@compiled()
+@compiled(forceinline=True, fastmath=VECTORS)
 def _sliding_law(u: float, v: float, surface: float, wheel: int, scaled: Any, rest: float, model: Any) -> Any:
     """law_slopes where the share model.sliding of the friction follows sliding_slopes, the rest wheel_slopes."""
     numbers = (
@@ -107,7 +107,7 @@ def wheel_response(wheel: int, u: float, v: float, r: float, contacts: Any, rest
     )
 
 
-@compiled()
+@compiled(forceinline=True, fastmath=VECTORS)
 def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) -> tuple[float, float]:
     """Friction along and across one wheel; u, v: velocity of its centre in the wheel frame."""
     scaled = (contacts[GRIP_X, wheel], contacts[GRIP_Y, wheel], contacts[STEEP_X, wheel], contacts[STEEP_Y, wheel])
@@ -115,7 +115,7 @@ def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) 
     return slopes[0], slopes[1]
 
 
-@compiled()
+@compiled(forceinline=True)  # by law_slopes it has flags with which sums depend on what surrounds them
 def drooping_speed(
     u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
 ) -> float:

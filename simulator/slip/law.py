@@ -88,7 +88,7 @@ def wheel_slopes(
     return _forces(*slips, grip_x, grip_y, steep_x, steep_y, shape_x, shape_y, decrease)
 
 
-@compiled(fastmath=VECTORS)
+@compiled(forceinline=True, fastmath=VECTORS)
 def sliding_slopes(
     u: float,
     v: float,

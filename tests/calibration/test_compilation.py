@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from calibration.compilation import cache, compiled
+from calibration.compilation.parts import _PartCompiler
 
 ROOT = Path(__file__).parents[2]
 KERNELS = """
@@ -29,13 +30,13 @@ def square(x):
 def total(x):
     return square(x) + square(x + 1.0) + 0.5
 
-@compiled(shared=True)
+@compiled(forceinline=True)
 def linked(x):
     return total(x) - square(x)
 
 @compiled()
 def whole(x):
-    return total(x) + linked(x)
+    return linked(x) + total(x)
 """
 LINE = "import own_kernels as k; print(k.whole(3.0), sum(k.whole.stats.cache_misses.values()), flush=True)"
 # A process that knows nothing of these packages yet, forked from one that has loaded numba: to load it takes most
@@ -129,9 +130,27 @@ def compiled_before(once: Path, tmp_path: Path) -> Path:
     return Path(folder)
 
 
-def test_parts_are_compiled_into_their_caller_and_only_what_is_called_or_shared_is_kept(once: Path) -> None:
+def test_parts_are_compiled_into_their_caller_and_only_what_is_called_is_kept(once: Path) -> None:
     names = {file.name.split("-")[0] for file in (once / "kept").glob("*.nbc")}
-    assert names == {"own_kernels.whole", "own_kernels.linked"}
+    assert names == {"own_kernels.whole"}
+
+
+def test_what_is_called_by_a_kernel_that_is_written_out_at_each_call_is_not_written_out_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written_out: dict[str, bool] = {}
+    compile_part = _PartCompiler.compile_extra
+
+    def noted(self: _PartCompiler, func: Callable[..., object]) -> object:
+        written_out[func.__name__] = self.state.flags.forceinline
+        return compile_part(self, func)
+
+    monkeypatch.setattr(_PartCompiler, "compile_extra", noted)
+    monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
+    kernels: dict[str, Callable[..., object]] = {"__name__": "own_kernels"}  # type: ignore[dict-item]
+    exec(KERNELS, kernels)  # noqa: S102  # no file, so that nothing is read from a cache
+    assert kernels["whole"](3.0) == 42.0
+    assert written_out == {"total": False, "square": False, "linked": True}
 
 
 def test_a_second_installation_of_the_same_sources_compiles_nothing(compiled_before: Path, run: Run) -> None:
