@@ -194,7 +194,9 @@ def _edges(corners_px: Array) -> Array:
         bx, by = corners_px[(k + 1) % len(corners_px), 0] - ax, corners_px[(k + 1) % len(corners_px), 1] - ay
         length = math.hypot(bx, by)
         if length > 0:
-            edges[count] = -by / length, bx / length, (by * ax - bx * ay) / length
+            # One by one: the assignment of a row brings the compiler's texts of errors with it, 1.8 s of compiling.
+            edges[count, 0], edges[count, 1] = -by / length, bx / length
+            edges[count, 2] = (by * ax - bx * ay) / length
             count += 1
     return edges[:count]
 

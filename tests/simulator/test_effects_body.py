@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from simulator.dynamics.equations import accelerations
 from simulator.dynamics.model import compile_robot
 from simulator.dynamics.wheel import DRAG_FORCE, fresh_contacts
 from simulator.robot import Robot, load_robot
 from tests.simulator.effect_probe import affected, body_force, contacts, turned, wheel_loads
+from tests.simulator.plain import plain
 
 MASS_G, GRAVITY = 0.5, 9800.0
 HALF = 2.0  # half the wheelbase and half the track of the barrel robot, mm
@@ -114,7 +114,8 @@ def test_a_push_at_the_centre_turns_a_robot_about_its_centre_of_gravity(barrel: 
     x, y, forward, left = 0.6, -0.4, 300.0, 500.0
     robot = affected(affected(barrel, "mass-offset", x_mm=x, y_mm=y), "tether-pull", x_mN=0.3, y_mN=0.5)
     place = (0.0, 0.0, 1.0, 0.0, 0.0)
-    u, v, r = accelerations(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), place, 1e-4, compile_robot(robot)[0], fresh_contacts())
+    model, contacts = compile_robot(robot)[0], fresh_contacts()
+    u, v, r = plain("equations").accelerations(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), place, 1e-4, model, contacts)
     assert (u - r * y, v + r * x) == pytest.approx((forward / MASS_G, left / MASS_G))
     assert barrel.yaw_inertia_g_mm2 * r == pytest.approx(y * forward - x * left)
 
