@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 for _name in ("OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# The C library of Linux gives the memory of large arrays back at once and has its pages made anew for the next frame:
+# an eighth of the processor time of tests of the tracker. Up to 32 MiB, the most it allows, arrays stay in its heap, of
+# which 256 MiB stay with the process. Read when a process starts: a worker of pytest -n, or a process of a test.
+for _name, _mib in (("MALLOC_MMAP_THRESHOLD_", 32), ("MALLOC_TRIM_THRESHOLD_", 256)):
+    os.environ.setdefault(_name, str(_mib * 2**20))
+
 # Python looks for garbage after every 700 new objects, and collecting the tests alone leaves half a million: that was a
 # tenth of the processor time.
 NEW_OBJECTS = 50_000

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, special
+from scipy import special
 
 Array = NDArray[np.float64]
 Sides = Callable[[Array], tuple[Array, Array]]
@@ -93,8 +93,10 @@ def _commanded(sides: Sides, times: Array, half: float) -> Array:
 
 def _cost(measured: Array, commanded: Array) -> Array:
     """Logarithm of the share of the velocity that the commands do not explain, summed over both, at each shift (k,)."""
+    from scipy.signal import correlate
+
     size = measured.shape[1]
-    products = [signal.correlate(b, a, mode="valid") for a, b in zip(measured, commanded, strict=True)]
+    products = [correlate(b, a, mode="valid") for a, b in zip(measured, commanded, strict=True)]
     squares = [np.convolve(b**2, np.ones(size), mode="valid") for b in commanded]
     own = [np.full(len(products[0]), a @ a) for a in measured]
     return _of_sums(np.stack([products, squares, own]))
