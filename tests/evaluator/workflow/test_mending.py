@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -34,8 +35,10 @@ def rewrite(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
-def spoilt(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def spoilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An experiment with one mistake each in seven of its sixteen runs."""
+    folder = tmp_path_factory.mktemp("spoilt")
     path = write_hidden(folder, {}, commands=COMMANDS * 2, seconds=4.0)
     rewrite(path, 'id = "r4"\nleft_rpm = -33.3', 'id = "r4"  # the second gear\nleft_rpm = 33.3')
     rewrite(path, "right_rpm = -14.4", "right_rpm = 14.4")
@@ -56,22 +59,17 @@ def spoilt(folder: Path) -> Path:
 
 
 def test_a_check_reads_each_marks_file_once_and_says_the_mistakes_that_a_diagnosis_finds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    spoilt: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, count = spoilt(tmp_path), Counter[Path]()
+    count = Counter[Path]()
     monkeypatch.setattr("evaluator.marks.read_table", lambda file: [count.update([file]), read_table(file)][1])
-    said = check_experiment(path).mistakes
+    said = check_experiment(spoilt).mistakes
     assert set(count.values()) == {1}
     assert len(count) == 16
-    experiment = load_experiment(path)
-    assert said == tuple(item.sentence for item in session_of(experiment, given_marks(experiment)).mistakes)
-    assert len(said) == 7
-
-
-def test_a_mended_experiment_shows_no_mistake_and_keeps_its_comments(tmp_path: Path) -> None:
-    path = spoilt(tmp_path)
-    found = mistakes(path)
-    assert found == {
+    experiment = load_experiment(spoilt)
+    found = session_of(experiment, given_marks(experiment)).mistakes
+    assert said == tuple(item.sentence for item in found)
+    assert {run: item.kind for item in found for run in item.runs} == {
         "r2": "marks-swapped",
         "r3": "mirrored",
         "r4": "reversed",
@@ -80,6 +78,11 @@ def test_a_mended_experiment_shows_no_mistake_and_keeps_its_comments(tmp_path: P
         "r10": "late-start",
         "r15": "stuck",
     }
+    assert len(said) == 7
+
+
+def test_a_mended_experiment_shows_no_mistake_and_keeps_its_comments(spoilt: Path, tmp_path: Path) -> None:
+    path = Path(shutil.copytree(spoilt.parent, tmp_path / "again")) / spoilt.name
     before = path.read_bytes()
     told = CliRunner().invoke(check, [str(path), "--write-mended"], standalone_mode=False)
     mended = path.with_name("experiment-mended.toml")
