@@ -20,6 +20,7 @@ from evaluator.diagnosis.assessment.cross_validation import (
 )
 from evaluator.diagnosis.assessment.knowledge import ALIKE, far, strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
+from evaluator.diagnosis.candidates.free_form import grows_with_time
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 from evaluator.diagnosis.likelihood.known_to import START
 from evaluator.wording import counted
@@ -41,10 +42,10 @@ RELIEVING = 6.0
 # Named effects are not the answer if alternatives with free-form terms are together twice as probable. If the named
 # effects were true, these had at most 17 % (36 development experiments) and 54 % (an attraction of 0.77 to one side in
 # the second world); if the named ones imitated something else, at least 76 % (18 of 20; 14 and 15 % in two whose data
-# do not distinguish it from them). From ALIKE_WELL on the reason mentions them. A free-form term beside the named
-# effects, or beside none, must also predict left-out commands better by BETTER_SIGMAS: terms that grow with time follow
-# friction that changes with time. In three untidy sessions of the twelfth world these gained −0.3 to 1.1 standard
-# errors; in a session with physics outside the catalogue (a twisted wire), 2.8.
+# do not distinguish it from them). From ALIKE_WELL on the reason mentions them. A free-form term that grows with time,
+# beside the named effects or beside none, must also predict left-out commands better by BETTER_SIGMAS, because it
+# follows friction that changes with time: in three untidy sessions of the twelfth world it gained −0.3 to 1.1 standard
+# errors. A term of place or velocity need not: what acts at one place may act in a single run.
 DOUBT, ALIKE_WELL = 2 / 3, 1 / 3
 # Excess of the residuals over noise: mean square, and standard errors. The noise of slow modes is extrapolated from
 # fast ones to some ten per cent; a larger excess is motion.
@@ -186,9 +187,9 @@ def decide(
         gained = {ids: table.of(ids) - table.of(named) > least_gain(ids) for ids in likely}
         likely = [ids for ids in likely if ids in free and _rivals(search, ids, named, probable=gained[ids])]
     share = table.share_of(likely, answers) if likely else 0.0
-    # what stands beside the named effects, not in their place, must also predict left-out commands better
-    beside = bool(likely) and named < likely[0] and not search.problem.open_ground
-    carries = not beside or _predicts(search, likely[0], named)
+    # what grows with time beside the named effects, not in their place, must also predict left-out commands better
+    beside = bool(likely) and named < likely[0] and any(map(grows_with_time, likely[0]))
+    carries = search.problem.open_ground or not beside or _predicts(search, likely[0], named)
     if share > DOUBT and carries and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
 

@@ -141,6 +141,12 @@ class FreeTerm(Candidate):
         return f" ({', '.join(sorted(patterns))} wheels)" if patterns else ""
 
 
+def grows_with_time(effect: str) -> bool:
+    """Whether a free-form term has a part in proportion to the time since the start of a run."""
+    parts = effect.removeprefix(PREFIX).split("+")
+    return effect.startswith(PREFIX) and any("time" in part.split(".")[1:2] for part in parts)
+
+
 def free_terms(size: Size = PAPER_SIZE, *, one_frame: bool = True) -> dict[str, FreeTerm]:
     """All families by id, with steps and bounds for the size of a robot.
 

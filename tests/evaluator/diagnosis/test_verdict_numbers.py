@@ -14,6 +14,7 @@ from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy
 from evaluator.diagnosis.assessment.model_comparison import score, standing
 from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays
+from evaluator.diagnosis.candidates.free_form import grows_with_time
 from evaluator.diagnosis.inference.search import Search, log_prior
 from evaluator.diagnosis.likelihood.known_to import CLOCK, START
 from tests.evaluator.diagnosis.ranked_sets import NONE, predicting, ranked, with_sigma
@@ -77,16 +78,17 @@ def test_a_free_term_that_pays_and_is_twice_as_probable_casts_doubt_and_half_as_
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("carries_over", [True, False])
 @pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])
-def test_a_free_term_beside_others_must_predict_commands_left_out_and_on_open_ground_have_a_significant_size(
+def test_a_form_that_grows_with_time_beside_others_must_predict_commands_left_out_and_be_significant_on_open_ground(
     least_material: float, asked: bool, carries_over: bool, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scores = {FREE | A: 40.0, A: 20.0, FREE: 9.0, NONE: 0.0}
+    grows = frozenset({"free:friction.time"})
+    scores = {grows | A: 40.0, A: 20.0, grows: 9.0, NONE: 0.0}
     search, table = ranked(scores, on_ground=asked)
-    predicting(monkeypatch, lambda ids, other: carries_over if ids - other == FREE else asked)
+    predicting(monkeypatch, lambda ids, other: carries_over if ids - other == grows else asked)
     with_sigma(monkeypatch, 0.1 if told else 1.0)
     monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
     found = decide(search, table, 95, A, least_material)
-    assert found[:2] == ((FREE | A, "unknown") if carries_over and (told or not asked) else (A, "effect"))
+    assert found[:2] == ((grows | A, "unknown") if carries_over and (told or not asked) else (A, "effect"))
 
 
 @pytest.mark.parametrize(
@@ -266,13 +268,26 @@ def test_the_doubt_is_shared_with_single_effects_that_do_not_pay(
 
 
 @pytest.mark.parametrize("carries_over", [True, False])
-def test_a_free_term_beside_nothing_is_unknown_physics_only_if_it_predicts_commands_left_out(
-    carries_over: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("form", "grows"),
+    [
+        ("free:friction.time", True),
+        ("free:moment.one+speed.time.driving", True),
+        ("free:force_plate_x.x", False),
+        ("free:friction.abs_u.driving", False),
+    ],
+)
+def test_a_form_that_grows_with_time_beside_nothing_is_unknown_physics_only_if_it_predicts_commands_left_out(
+    form: str, grows: bool, carries_over: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Friction that changes with time is followed by terms that grow with time, but in no other run."""
-    search, table = ranked({FREE: 40.0, NONE: 0.0})
+    free = frozenset({form})
+    search, table = ranked({free: 40.0, NONE: 0.0})
     predicting(monkeypatch, lambda *_: carries_over)
-    assert decide(search, table, 95, NONE)[:2] == ((FREE, "unknown") if carries_over else (NONE, "none"))
+    unknown = carries_over or not grows
+    assert decide(search, table, 95, NONE)[:2] == ((free, "unknown") if unknown else (NONE, "none"))
+    assert grows_with_time(form) == grows
+    assert not grows_with_time("time-base")
 
 
 @pytest.mark.parametrize(("least_material", "answer"), [(19.9, "unknown"), (20.1, "effect")])
