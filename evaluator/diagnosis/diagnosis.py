@@ -34,8 +34,8 @@ from evaluator.progress import Progress
 
 ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
 UNSIMULATED = (
-    "the model of the robot file has no lasting motion for its command, as where a robot balances on a motion that the "
-    "least disturbance ends: change the command a little"
+    "the model of the robot file cannot be simulated at its command, as where a robot balances on a motion that the "
+    "least disturbance ends: are both right? Then change the command a little"
 )
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
 
@@ -127,9 +127,8 @@ def _without(
         return None
     if _is_followed(found, again, suspect):
         more = ", ".join(sorted(found.chosen - again.chosen))
-        why = "more than noise in it alone; repeat it"
-        if more:
-            why = f"it alone needs {more}, because it was disturbed or shows the effect best; repeat it"
+        needs = f"it alone needs {more}, because it was disturbed or shows the effect best" if more else ""
+        why = f"{needs or 'more than noise in it alone'}; repeat it"
         return replace(again, session=replace(rest, left_out={**rest.left_out, data[suspect].id: why}))
     nominal = {key: value for key, value in again.fit.point.nominal.items() if not is_shared(key)}
     gains = None

@@ -20,7 +20,7 @@ DECIDING_SHARE, DECIDING_RESTS, MOST_RESTING_TRIES = 1e-2, 1e-8, 60
 FINEST = 1e-3  # least velocity error over that at the usual tolerance; below it rounding near rest dominates
 # Greatest error of the velocity as a share of it. When motors start slowly, one wheel sticks at first, and the motion
 # becomes unstable before it lets go; until then small errors grow. With 2 % the place after the start of a turn on the
-# spot was off by up to 60 µm, another amount for every change of the friction by 1e-4, so that no fit converged.
+# spot was off by up to 64 µm, another amount for every change of the friction by 1e-4; now by up to 12 µm.
 SPOILING_SHARE = 1e-3
 # A velocity error may finally displace the robot by REMEMBERED tolerances; rolling wheels correct it within some steps.
 REMEMBERED, LONGEST_MEMORY_S = 30.0, 1.0

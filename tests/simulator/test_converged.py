@@ -7,6 +7,7 @@ import pytest
 
 from simulator.command import Command
 from simulator.effects.entry import EffectEntry
+from simulator.integrator import convergence
 from simulator.integrator.convergence import commands_beside, settled_mm, unsettled_mm
 from simulator.robot import load_robot
 from simulator.simulation import simulate, simulate_batch
@@ -47,8 +48,23 @@ def test_a_checked_batch_says_of_a_run_what_simulate_says_of_it(seed: int, numbe
     np.testing.assert_allclose(among.states[0, :, 0], alone.x_mm, atol=1e-6)
 
 
+@pytest.mark.parametrize(("seed", "number"), [(3, 1), (2, 4092)])
+def test_a_checked_batch_says_how_far_a_run_is_off_as_simulate_does(
+    seed: int, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With nothing allowed every run is off, by its step errors."""
+    monkeypatch.setattr(convergence, "SETTLED_MM", 0.0)
+    monkeypatch.setattr(convergence, "SETTLED_SHARE", 0.0)
+    run = drawn(np.random.default_rng([seed, number]))
+    alone = simulate(run.robot, run.command, run.times_s)
+    among = simulate_batch([run.robot], [run.command], run.times_s, check=True)
+    assert not alone.is_converged
+    assert among.is_converged.tolist() == [False]
+    assert among.unsettled_mm[0] == pytest.approx(alone.unsettled_mm, rel=1e-6)
+
+
 def test_a_wheel_that_turns_over_within_a_ramp_is_followed_at_every_tolerance() -> None:
-    """Where velocities could err by 2 %, the default tolerance took another way than one a thousand times finer."""
+    """Where velocities could err by 2 %, it went one way or another, half a millimetre apart, as rounding decided."""
     run = drawn(np.random.default_rng([2, 4092]))
     found = simulate(run.robot, run.command, run.times_s)
     assert found.is_converged

@@ -122,7 +122,12 @@ def has_the_odds(search: Search, table: Standing, families: int, ids: Set) -> bo
         least = first = RELIEVING
     # two effects that cancel each other are each costly to remove, but together may gain nothing over none
     gained = not ids or table.of(ids) - score(search, frozenset(), families) > first
-    return gained and all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in ids)
+    return gained and _needs(search, table, families, ids, ids, least)
+
+
+def _needs(search: Search, table: Standing, families: int, ids: Set, effects: Set, least: float) -> bool:
+    """Whether a set has log odds of more than `least` over itself without each of these effects of it."""
+    return all(table.of(ids) - score(search, ids - {effect}, families) > least for effect in effects)
 
 
 def may_be_right(search: Search, ids: Set) -> bool:
@@ -192,19 +197,12 @@ def decide(
     carries = search.problem.open_ground or not beside or _predicts(search, likely[0], named)
     if share > DOUBT and carries and pays(search, table, families, likely[0]):
         return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
-
-    def needs(ids: Set) -> bool:
-        """Whether each named effect beside the free-form terms of a set is significant."""
-        return all(
-            table.of(ids) - score(search, ids - {effect}, families) > least_gain(ids) for effect in named_of(ids)
-        )
-
     # also better than named effects that are not significant, because chance may imitate both kinds
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:
         if (
             gain(ids) > least_gain(ids)
-            and needs(ids)
+            and _needs(search, table, families, ids, named_of(ids), least_gain(ids))
             and table.of(ids) > table.of(frozenset())
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):

@@ -96,7 +96,8 @@ def placed(
     """Runs at every start heading and position, shortened if the room is too small.
 
     places: of the middle of the path, as shares of the half widths that the path leaves free. Headings at which not
-    even SHORTEST_S of driving fit are omitted, and so are commands at which chance decides how the robot turns.
+    even SHORTEST_S of driving fit are omitted, and so are commands at which chance decides how the robot turns, or
+    whose motion cannot be followed.
     """
     half, path = np.array(room.half_mm), _path(robot, command)
     if path is None:

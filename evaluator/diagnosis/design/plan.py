@@ -73,8 +73,8 @@ def plan_runs(
         options += placed(robot, command, HEADINGS_DEG, room, (MIDDLE, *CORNERS))
     if not options:
         raise InputError(
-            f"a plate of {2 * room.half_mm[0]:g} by {2 * room.half_mm[1]:g} mm has no room for a run; "
-            "give the size of the plate, or slower wheels"
+            f"a plate of {2 * room.half_mm[0]:g} by {2 * room.half_mm[1]:g} mm has no room for a run that can be "
+            "simulated; give the size of the plate, or slower wheels"
         )
     known, tolerance = _laboratory(robot)
     hidden = [Column(key) for key, value in tolerance.items() if value > 0]

@@ -74,7 +74,7 @@ def test_repeated_runs_show_more_but_not_what_a_tolerance_hides(planned: list[Ca
 
 
 def test_a_plate_too_small_for_any_run_is_refused() -> None:
-    with pytest.raises(InputError, match="has no room for a run"):
+    with pytest.raises(InputError, match="has no room for a run that can be simulated"):
         plan_runs(load_robot("barrel"), _terms(), (30.0,), Room.of_plate((10.0, 10.0), 4.5), 4)
 
 
