@@ -1,8 +1,9 @@
-"""Faster look-ups of numba's compiler, which spends most of its time in Python.
+"""Faster look-ups of numba's compiler, which spends most of its time in Python, and no wrappers that nothing calls.
 
 numba finds the implementation of every call in a kernel by trying all candidates, some forty for an addition, each time
 with all options of the compiler compared one by one. A kernel has thousands of calls with a few hundred combinations of
-argument types. The results of the compiler do not change.
+argument types. It also wraps each of its own functions that a kernel calls, such as max, for callers in C: half of the
+code of these. The kernels do not change.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+from numba.core.lowering import BaseLower
 from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.types.functions import BaseFunction
 
-_resolve, _equal = BaseFunction.get_call_type, TargetConfig.__eq__
+_resolve, _equal, _wrap = BaseFunction.get_call_type, TargetConfig.__eq__, BaseLower.create_cfunc_wrapper
 _known: dict[Any, Any] = {}  # results of _resolve, some hundreds
 
 
@@ -28,11 +30,13 @@ def fast_lookups() -> Iterator[None]:
     hashed = TargetConfig.__hash__
     BaseFunction.get_call_type = _resolve_once
     TargetConfig.__hash__, TargetConfig.__eq__ = _hash_of_names, _equal_values
+    BaseLower.create_cfunc_wrapper = _no_wrapper
     try:
         yield
     finally:
         BaseFunction.get_call_type = _resolve
         TargetConfig.__hash__, TargetConfig.__eq__ = hashed, _equal
+        BaseLower.create_cfunc_wrapper = _wrap
 
 
 def _resolve_once(function: Any, context: Any, args: Any, kws: Any) -> Any:
@@ -45,6 +49,10 @@ def _resolve_once(function: Any, context: Any, args: Any, kws: Any) -> Any:
         _known[(*key[:-1], options and options.copy())] = function, found
         return found
     return _known[key][1]
+
+
+def _no_wrapper(lowering: Any) -> None:
+    """Nothing in place of BaseLower.create_cfunc_wrapper."""
 
 
 def _hash_of_names(options: Any) -> int:

@@ -2,6 +2,7 @@
 
 import pytest
 from numba import njit
+from numba.core.lowering import BaseLower
 from numba.core.targetconfig import TargetConfig
 from numba.core.types.functions import BaseFunction
 
@@ -45,7 +46,20 @@ def test_options_are_equal_and_hashed_as_usually() -> None:
 
 
 def test_numba_is_left_as_it_was() -> None:
-    before = BaseFunction.get_call_type, TargetConfig.__hash__, TargetConfig.__eq__
+    before = BaseFunction.get_call_type, TargetConfig.__hash__, TargetConfig.__eq__, BaseLower.create_cfunc_wrapper
     with pytest.raises(ZeroDivisionError), fast_lookups(), fast_lookups():
         raise ZeroDivisionError
-    assert (BaseFunction.get_call_type, TargetConfig.__hash__, TargetConfig.__eq__) == before
+    after = BaseFunction.get_call_type, TargetConfig.__hash__, TargetConfig.__eq__, BaseLower.create_cfunc_wrapper
+    assert after == before
+
+
+def test_what_numba_brings_has_no_wrapper_for_c() -> None:
+    def largest(x: float) -> float:
+        return max(x, 2.0, 5.0)
+
+    with fast_lookups():
+        kernel = njit(no_cfunc_wrapper=True)(largest)
+        assert kernel(3.0) == 5.0
+    linked = kernel.overloads[kernel.signatures[0]].library._linking_libraries
+    assert linked
+    assert not any("cfunc." in library.get_llvm_str() for library in linked)
