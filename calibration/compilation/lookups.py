@@ -23,7 +23,10 @@ _known: dict[Any, Any] = {}  # results of _resolve, some hundreds
 
 @contextmanager
 def fast_lookups() -> Iterator[None]:
-    """Compile without looking up a call twice; the caller holds numba's compiler lock. May be nested."""
+    """Compile without looking up a call twice and without wrappers for C; the caller holds numba's compiler lock.
+
+    May be nested.
+    """
     if BaseFunction.get_call_type is not _resolve:
         yield
         return

@@ -115,7 +115,7 @@ def law(u: float, v: float, wheel: int, contacts: Any, rest: float, model: Any) 
     return slopes[0], slopes[1]
 
 
-@compiled(forceinline=True)  # by law_slopes it has flags with which sums depend on what surrounds them
+@compiled(forceinline=True)  # as law_slopes is: the order of its sums depends on what surrounds them
 def drooping_speed(
     u: float, v: float, free: float, guess: float, wheel: int, scaled: Any, rest: float, model: Any
 ) -> float:
