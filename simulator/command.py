@@ -167,6 +167,10 @@ class Command:
         """The command with every time multiplied by factor and then shifted by later_s."""
         return Command(factor * self.time_s + later_s, self.left_rpm, self.right_rpm)
 
+    def geared(self, left: float, right: float) -> Command:
+        """The command with the speeds of the two sides multiplied by these factors."""
+        return Command(self.time_s, left * self.left_rpm, right * self.right_rpm)
+
     def within(self, begin_s: float, end_s: float) -> Command:
         """The command from one time to a later one; its values at these times hold before and after them."""
         inside = (self.time_s > begin_s) & (self.time_s < end_s)

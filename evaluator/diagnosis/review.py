@@ -22,7 +22,7 @@ from evaluator.diagnosis.assessment.gap import (
 )
 from evaluator.diagnosis.assessment.knowledge import as_taken
 from evaluator.diagnosis.assessment.model_comparison import confirmation
-from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
+from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
@@ -55,7 +55,7 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
     terms, session = found.terms, found.session
     (before_mm, lost_before), (predicted_mm, lost_after) = (
         predicted_gaps(
-            later_started(counting_data(problem), session.known, gap_fit.point),
+            as_driven(counting_data(problem), session.known, gap_fit.point),
             [with_session(robot, session.known, gap_fit.point) for robot in robots],
             session.robots,
         )
@@ -74,7 +74,7 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
         outlying=outlying,
         follows=follows,
         # quantities of the laboratory are meaningless, too, if the model does not explain the marks
-        known=found.known if follows else tuple(map(as_taken, session.known)),
+        known=found.known if follows else tuple(as_taken(item.quantity) for item in found.known),
         known_together=found.known_together if follows else None,
     )
     return _doubted(found, nominal)

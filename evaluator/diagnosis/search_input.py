@@ -16,7 +16,7 @@ from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.held_out import held_out_runs
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.watch import Watch
-from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
+from evaluator.diagnosis.likelihood.known_to import acting, predicted_sigmas
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.problem import Problem
@@ -84,15 +84,18 @@ def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:
 def visible_tolerances(problem: Problem, point: Point, tolerance: Mapping[str, float]) -> dict[str, float]:
     """Tolerances of the nominal values to which these runs respond visibly: by more than UNSEEN_SIGMAS in all of them.
 
-    The others would only add numerical noise of the derivatives to a fit.
+    The others would only add numerical noise of the derivatives to a fit. Those that act beside an effect which the
+    robots do not have yet are kept.
     """
-    columns = [Column(key) for key, value in tolerance.items() if value > 0]
+    here = acting(tolerance, problem.given)
+    columns = [Column(key) for key, value in here.items() if value > 0]
     square, _ = _squares_shown(problem, point, columns)
-    return {
-        column.key: tolerance[column.key]
+    unseen = {
+        column.key
         for column, size in zip(columns, square, strict=True)
-        if size * tolerance[column.key] ** 2 > UNSEEN_SIGMAS**2
+        if not size * here[column.key] ** 2 > UNSEEN_SIGMAS**2
     }
+    return {key: value for key, value in tolerance.items() if value > 0 and key not in unseen}
 
 
 def show_starts(problem: Problem, point: Point) -> bool:

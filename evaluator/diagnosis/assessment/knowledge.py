@@ -10,7 +10,16 @@ from scipy import special
 
 from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.likelihood.known_to import CLOCK, GRAVITY, LEVEL, RADIUS_DIFFERENCE, SCALE, START, Quantity
+from evaluator.diagnosis.likelihood.known_to import (
+    BESIDE,
+    CLOCK,
+    GRAVITY,
+    LEVEL,
+    RADIUS_DIFFERENCE,
+    SCALE,
+    START,
+    Quantity,
+)
 from evaluator.turning.motion.curvature import Z_975
 
 # Effects with the same response as a quantity: a value far outside its tolerance may be such an effect.
@@ -62,7 +71,10 @@ class Knowledge:
 
 
 def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]:
-    """All quantities with their fitted deviations; quantities that are not in the fit keep their tolerance."""
+    """All quantities with their fitted deviations; quantities that are not in the fit keep their tolerance.
+
+    Those that act beside an effect which the model lacks are omitted.
+    """
     sigma = np.sqrt(np.diag(fit.posterior.covariance))
     at = {column.key: i for i, column in enumerate(fit.columns) if column.term is None}
     result = []
@@ -71,7 +83,7 @@ def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]
             found = fit.point.value(fit.columns[at[item.key]]) * item.per_unit
             half = Z_975 * float(sigma[at[item.key]]) * item.per_unit
             result.append(Knowledge(item, float(found), float(found - half), float(found + half)))
-        else:
+        elif item.key not in BESIDE:
             result.append(as_taken(item))
     return tuple(result)
 

@@ -18,6 +18,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     RADIUS_DIFFERENCE,
     SCALE,
     START,
+    TURNS,
     Quantity,
     mark_shifts,
 )
@@ -27,15 +28,21 @@ from evaluator.robot_geometry import reference_line, reference_places
 from simulator.effects.entry import EffectEntry
 from simulator.robot import Robot
 
-FACTORS = ("time-base", "plane-scale", "drive-speed-mismatch")
+FACTORS = ("time-base", "plane-scale", "drive-speed-mismatch", "drive-speed-scale")
 
 
-def later_started(data: Sequence[RunData], known: Sequence[Quantity], point: Point) -> tuple[RunData, ...]:
-    """The runs with their commands delayed by the fitted common delay of the start of motion."""
-    late_s = _found(known, point).get(START, 0.0)
-    if not late_s:
+def as_driven(data: Sequence[RunData], known: Sequence[Quantity], point: Point) -> tuple[RunData, ...]:
+    """The runs with their commands delayed by the fitted start of motion, and with the fitted turns of the wheels."""
+    found = _found(known, point)
+    late_s, factors = found.get(START, 0.0), _turns(found)
+    if not late_s and factors == (1.0, 1.0):
         return tuple(data)
-    return tuple(replace(run, start_s=run.start_s + late_s, log=run.run_command.later(late_s)) for run in data)
+    result = []
+    for run in data:
+        log = run.run_command.later(late_s)
+        log = replace(log, command=log.command.geared(*factors))
+        result.append(replace(run, start_s=run.start_s + late_s, log=log))
+    return tuple(result)
 
 
 def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot:
@@ -46,9 +53,12 @@ def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot
         added["time-base"] = {"factor": 1 + found[CLOCK]}
     if SCALE in found:
         added["plane-scale"] = {"factor": 1 + found[SCALE]}
-    if RADIUS_DIFFERENCE in found:
-        half = found[RADIUS_DIFFERENCE] / 2
-        added["drive-speed-mismatch"] = {"left_over_right": (1 + half) / (1 - half)}
+    half = found.get(RADIUS_DIFFERENCE, 0.0) / 2
+    left, right = (share / turns for share, turns in zip((1 + half, 1 - half), _turns(found), strict=True))
+    if left != right:
+        added["drive-speed-mismatch"] = {"left_over_right": left / right}
+    if any(key in found for key in TURNS):
+        added["drive-speed-scale"] = {"factor": (left + right) / 2}
     x, y = (found.get(key, 0.0) for key in LEVEL)
     if x or y:
         added["plate-tilt"] = {"angle_deg": math.hypot(x, y), "azimuth_deg": math.degrees(math.atan2(y, x))}
@@ -80,6 +90,12 @@ def _sum(effect: str, one: Mapping[str, float], other: Mapping[str, float]) -> d
     if effect in FACTORS:
         return {name: one.get(name, 1.0) * other.get(name, 1.0) for name in {*one, *other}}
     return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {*one, *other}}
+
+
+def _turns(found: Mapping[str, float]) -> tuple[float, float]:
+    """Turns of the left and the right driving wheels over those commanded."""
+    left, right = (1 + found.get(key, 0.0) for key in TURNS)
+    return left, right
 
 
 def _found(known: Sequence[Quantity], point: Point) -> dict[str, float]:

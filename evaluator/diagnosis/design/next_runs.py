@@ -146,7 +146,7 @@ def from_chosen(search: Search, chosen: Fit, problem: Problem, placed: Point, ri
     terms = [
         search.terms[effect] for effect in sorted(chosen.terms | rival.fit.terms) if not search.terms[effect].stepwise
     ]
-    columns = model_columns(terms, search.tolerance)
+    columns = model_columns(terms, search.tolerance, search.problem.given)
     own = np.array([column.key in chosen.terms - rival.fit.terms for column in columns])
     size = np.array([chosen.point.value(column) for column in columns])[own]
     tau = chosen.posterior.scatter

@@ -81,7 +81,7 @@ def fit_model(
     FloatingPointError if a run cannot be simulated; SearchStoppedError, or an error of the progress, if it is stopped.
     """
     chosen = tuple(range(len(problem.data))) if runs is None else tuple(runs)
-    columns = tuple(column for column in model_columns(terms, tolerance) if column != held)
+    columns = tuple(column for column in model_columns(terms, tolerance, problem.given) if column != held)
     values = {term.id: start.terms.get(term.id, term.absent) for term in terms}
     begin = replace(start, terms={**(fixed or {}), **values})
     question = question_of(

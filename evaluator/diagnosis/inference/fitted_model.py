@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.inference.bounds import is_at_bound
+from evaluator.diagnosis.likelihood.known_to import acting
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, Posterior, Reduced, run_effects
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -64,9 +65,15 @@ class Fit:
         return replace(self, posterior=replace(self.posterior, log_evidence=self.posterior.log_evidence - less))
 
 
-def model_columns(terms: Sequence[Candidate], tolerance: Mapping[str, float]) -> tuple[Column, ...]:
-    """Columns of a model: nominal values with a tolerance, then the coordinates of its terms."""
-    nominal = tuple(Column(key) for key, value in tolerance.items() if value > 0)
+def model_columns(
+    terms: Sequence[Candidate], tolerance: Mapping[str, float], given: Collection[str]
+) -> tuple[Column, ...]:
+    """Columns of a model: nominal values with a tolerance, then the coordinates of its terms.
+
+    given: ids of effects of the robot file.
+    """
+    shown = acting(tolerance, {*given, *(term.id for term in terms)})
+    nominal = tuple(Column(key) for key, value in shown.items() if value > 0)
     return nominal + tuple(Column(term.id, i, term) for term in terms for i in range(term.size))
 
 

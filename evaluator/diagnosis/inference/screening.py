@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from evaluator.diagnosis.inference.fitted_model import prior_precision
+from evaluator.diagnosis.inference.fitted_model import model_columns, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -63,8 +63,7 @@ class Screen:
 
 def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Candidate]) -> Screen:
     """Linearize at a point with the terms inside and every candidate not inside."""
-    columns = [Column(key) for key, value in search.tolerance.items() if value > 0]
-    columns += [Column(effect, i, search.terms[effect]) for effect in inside for i in range(search.terms[effect].size)]
+    columns = [*model_columns([search.terms[effect] for effect in inside], search.tolerance, search.problem.given)]
     base = tuple(range(len(columns)))
     offers, whole = [], {}
     for term in candidates:

@@ -11,7 +11,7 @@ positions of the marks), which needs no further simulation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,13 +29,17 @@ START, CLOCK = "start_common_s", "time_base"
 RADIUS_DIFFERENCE = "wheel_radius_difference"
 LEVEL = ("plate_level_x_deg", "plate_level_y_deg")
 GRAVITY = ("center_of_gravity_x_mm", "center_of_gravity_y_mm")
-SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY)
+TURNS = ("left_wheel_turns", "right_wheel_turns")
+SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY, *TURNS)
+# Seen from above, a faster motor is a larger wheel, unless the angle of the wheel is seen as well.
+BESIDE = dict.fromkeys(TURNS, "speed-ripple")  # the effect beside which a quantity acts
 SCALE = "plane_scale"
 # Knowledge of geometry where robot.toml says nothing: of a robot of the paper's size; of one of a metre, which is
 # measured with a tape, in proportion. Callipers may err by 0.02 to 0.03 mm (ISO 13385-1), and a wheel touches the plate
 # somewhere within its width. A machinist's level reads 0.3 degrees.
 CALLIPERS_MM = 0.02  # one standard deviation of wheelbase and track
 RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
+MOTOR_SHARE = 0.01  # of a wheel's turns: gear motors of one kind, calibrated once, agree to about a per cent
 MASS_SHARE = 0.02
 ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
 # Computers that log commands and poses keep one clock to some hundredths of a second, however seldom a sensor measures.
@@ -97,6 +101,11 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
     found.append(
         _shared(RADIUS_DIFFERENCE, "radius of the left over the right wheel", "1", 2**0.5 * radius_sigma / radius)
     )
+    motor_sigma = MOTOR_SHARE if radius_sigma else 0.0  # who knows the wheels exactly knows how they turn
+    found += [
+        _shared(key, f"turns of the {side} driving wheels at an equal surface speed", "1", motor_sigma)
+        for key, side in zip(TURNS, ("left", "right"), strict=True)
+    ]
     mass = robot.body.mass_g
     lengths: list[tuple[str, str, float, float | None]]
     lengths = [("body.mass_g", "mass", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
@@ -119,6 +128,11 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
         if value and key not in robot.tolerance:
             found.append(Quantity(key, name, key.rpartition("_")[2], stated, value))
     return tuple(item for item in found if item.sigma > 0)
+
+
+def acting(tolerance: Mapping[str, float], effects: Collection[str]) -> dict[str, float]:
+    """Tolerances without those of quantities that act only beside an effect that is not among effects."""
+    return {key: value for key, value in tolerance.items() if BESIDE.get(key) in (None, *effects)}
 
 
 def start_per_run_s(known: KnownTo, data: Sequence[RunData]) -> float:

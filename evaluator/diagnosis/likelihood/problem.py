@@ -65,6 +65,11 @@ class Problem:
         return hashlib.sha256(b"".join(np.ascontiguousarray(item).data for item in self.channels)).hexdigest()
 
     @property
+    def given(self) -> frozenset[str]:
+        """Ids of the effects of the robot files."""
+        return frozenset(entry.id for robot in self.forward.robots for entry in robot.effect)
+
+    @property
     def open_ground(self) -> bool:
         """Whether the robot is too large for a plate, so that its noise is estimated from residuals.
 

@@ -19,6 +19,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     RADIUS_DIFFERENCE,
     SIMULATED,
     START,
+    TURNS,
     amount_of,
 )
 from evaluator.diagnosis.likelihood.run_data import RunData, Task, Values, is_shared
@@ -146,6 +147,10 @@ class Variants:
         view.time_factor *= 1 + amount_of(nominal, CLOCK, self._known)
         half = amount_of(nominal, RADIUS_DIFFERENCE, self._known) / 2
         draft.speed_factor *= np.array([1 + half, 1 - half])
+        for side, key in enumerate(TURNS):
+            more = amount_of(nominal, key, self._known)
+            draft.mix[side, side] += more
+            draft.speed_factor[side] /= 1 + more
         down_x, down_y = (amount_of(nominal, key, self._known) for key in LEVEL)
         if down_x or down_y:
             tilt = {"angle_deg": math.hypot(down_x, down_y), "azimuth_deg": math.degrees(math.atan2(down_y, down_x))}

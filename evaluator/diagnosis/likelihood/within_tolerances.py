@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from evaluator.diagnosis.likelihood.features import rms_apart
-from evaluator.diagnosis.likelihood.known_to import predicted_sigmas, quantities
+from evaluator.diagnosis.likelihood.known_to import acting, predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.run_data import START_POSE, RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.settings import KnownTo
@@ -36,6 +36,7 @@ def misfit_within_tolerances(run: RunData, robot: Robot) -> float:
     """
     known = quantities(KnownTo(), robot, [run])
     sigmas = {item.key: item.tolerance for item in known} | {k: v for k, v in robot.tolerance.items() if v > 0}
+    sigmas = acting(sigmas, {entry.id for entry in robot.effect})
     forward = Simulated([robot], [run], {}, predicted_sigmas(known))
     keys = list(sigmas)
     (start,) = np.nan_to_num(aligned_starts([run], forward))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from evaluator.diagnosis.assessment.gap import predicted_gaps, run_gaps
-from evaluator.diagnosis.assessment.session_as_found import later_started, with_session
+from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.linear.random_effects import place_starts
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -215,6 +215,6 @@ def _gaps(inputs: Inputs, point: Point) -> dict[str, float]:
     robots = [
         with_session(corrected_robot(robot, inputs.terms, point), session.known, point) for robot in session.robots
     ]
-    predicted, _ = predicted_gaps(later_started(session.data, session.known, point), robots, session.robots)
+    predicted, _ = predicted_gaps(as_driven(session.data, session.known, point), robots, session.robots)
     found = {"pose": run_gaps(inputs.problem, placed, aside), "predicted": predicted[aside]}
     return {name: float(np.sqrt(np.mean(values**2))) for name, values in found.items()}

@@ -80,7 +80,7 @@ def test_an_optimum_is_that_of_least_squares_in_all_unknowns_at_once() -> None:
 def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coordinate() -> None:
     pair = candidate("pair", Coordinate("x", 0.0, 1.0), Coordinate("y", 0.0, 1.0))
     tolerance = {"wheels.track_mm": 0.05, "body.mass_g": 0.0}
-    columns = model_columns([pair, LINE], tolerance)
+    columns = model_columns([pair, LINE], tolerance, ())
     assert [(item.key, item.coordinate) for item in columns] == [
         ("wheels.track_mm", 0),
         ("pair", 0),
@@ -88,6 +88,14 @@ def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coord
         ("line", 0),
     ]
     np.testing.assert_allclose(prior_precision(columns, tolerance), [400.0, 0.0, 0.0, 0.0])
+
+
+def test_turns_of_wheels_are_values_of_a_model_only_beside_a_ripple_within_a_turn() -> None:
+    tolerance = {"wheels.track_mm": 0.05, "left_wheel_turns": 0.05}
+    ripple = candidate("speed-ripple", Coordinate("x", 0.0, 1.0))
+    assert "left_wheel_turns" not in [item.key for item in model_columns([LINE], tolerance, ())]
+    assert "left_wheel_turns" in [item.key for item in model_columns([LINE, ripple], tolerance, ())]
+    assert "left_wheel_turns" in [item.key for item in model_columns([LINE], tolerance, ["speed-ripple"])]
 
 
 def test_evidence_of_values_at_their_bounds_is_that_of_runs_of_which_these_values_are_taken() -> None:
@@ -144,7 +152,8 @@ def test_friction_gains_or_start_of_a_run_that_no_run_can_have_are_overreach(
 
 
 def test_a_fit_that_was_made_before_is_seen_again_as_it_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: Any = SimpleNamespace(data=[None], noise=[(Noise(0.005, 0.0, 0.1),)], fingerprint="runs", horizon_s=np.inf)
+    noise, given = [(Noise(0.005, 0.0, 0.1),)], frozenset[str]()
+    runs: Any = SimpleNamespace(data=[None], noise=noise, fingerprint="runs", horizon_s=np.inf, given=given)
     runs.friction_wander = None
     ends = iter([replace(fit(3.0), steps=7, shortfall=2.0), FloatingPointError("falls over")])
 

@@ -296,7 +296,8 @@ def test_knowledge_is_the_fitted_deviation_in_its_unit_with_its_interval() -> No
     held = fit_of(
         linear_runs(parameters=1), [column("time_base", effect=False)], np.array([0.08]), TAU, np.eye(1) * 4e-4
     )
-    found, stays = knowledge([quantity, free], held)
+    turns = Quantity("left_wheel_turns", "turns of the left wheels", "1", sigma=0.01, per_unit=0.05)
+    found, stays = knowledge([quantity, free, turns], held)  # without a ripple, turns are no value of the model
     assert (found.found, found.low, found.high) == pytest.approx((4e-4, 4e-4 - 1.96 * 1e-4, 4e-4 + 1.96 * 1e-4))
     assert (stays.found, stays.low, stays.high) == pytest.approx((0.0, -1.96e-3, 1.96e-3))
     assert knowledge([quantity], fit)[0].found == 0.0

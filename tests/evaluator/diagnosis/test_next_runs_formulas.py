@@ -62,7 +62,7 @@ def test_a_hypothetical_run_rests_for_half_a_second_and_begins_where_it_is_place
 
 def problem_of(runs: list[Linearized | None]) -> Any:
     """A problem of these runs, whatever the point; None for one that cannot be simulated."""
-    return SimpleNamespace(data=[None] * len(runs), attempted=lambda *_: runs)
+    return SimpleNamespace(data=[None] * len(runs), attempted=lambda *_: runs, given=())
 
 
 def whitened(run: Linearized, columns: Any = slice(None)) -> tuple[np.ndarray, np.ndarray]:

@@ -63,6 +63,8 @@ def test_quantities_have_the_sigmas_of_a_laboratory_that_says_nothing() -> None:
         "wheels.radius_mm": 0.005 * radius,
         "wheel_radius_difference": np.sqrt(2) * 0.005,
         "body.mass_g": 0.02 * robot.body.mass_g,
+        "left_wheel_turns": 0.01,
+        "right_wheel_turns": 0.01,
         "magnetic_attraction.driving_wheel_mN": 0.05 * robot.magnetic_attraction.driving_wheel_mN,
         "magnetic_attraction.driven_wheel_mN": 0.05 * robot.magnetic_attraction.driven_wheel_mN,
     }
@@ -78,8 +80,12 @@ def test_quantities_have_the_sigmas_of_a_laboratory_that_says_nothing() -> None:
     assert set(sizes) == {
         *("start_common_s", "time_base", "wheel_radius_difference", "plate_level_x_deg", "plate_level_y_deg"),
         *("center_of_gravity_x_mm", "center_of_gravity_y_mm", "plane_scale"),
-        *("green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm"),
+        *("green_x_mm", "green_y_mm", "yellow_x_mm", "yellow_y_mm", "left_wheel_turns", "right_wheel_turns"),
     }
+    exact = robot.model_copy(update={"known_to": geometry.model_copy(update={"wheel_radius_mm": 0.0})})
+    assert not {item.key for item in quantities(KnownTo(), exact, [frames_of(0.02)])} & {*expected}.intersection(
+        {"left_wheel_turns", "wheel_radius_difference"}
+    )
 
 
 def test_a_length_without_a_stated_sigma_is_known_as_well_as_callipers_are_right() -> None:

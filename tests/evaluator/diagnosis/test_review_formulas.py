@@ -27,7 +27,7 @@ def reviewed(
 
     A run counts as followed within 1 mm; one run of four may be odd.
     """
-    session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(1, 2), one_frame=True)
+    session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(5,), one_frame=True)
     problem: Any = SimpleNamespace(of_tracking=SimpleNamespace())
     fit = SimpleNamespace(point=FITTED, posterior=SimpleNamespace(scatter=np.ones(4)))
     part: Any = SimpleNamespace(problem=problem, fits={chosen: fit})
@@ -48,7 +48,7 @@ def reviewed(
         "farthest_followed": lambda *_: np.full(4, 1.0),
         "pieces": lambda _, point, **__: f"pieces of {point if isinstance(point, str) else 'the fit'}",
         "counting_data": lambda _: "data",
-        "later_started": lambda data, known, _: (data, known),
+        "as_driven": lambda data, known, _: (data, known),
         "with_session": lambda robot, *_: robot,
         "corrected_robot": lambda robot, *_: f"{robot} with it",
         "predicted_gaps": lambda _, robots, __: began.setdefault("robots", []).append(robots[0]) or next(predicted),
@@ -56,12 +56,20 @@ def reviewed(
         "most_telling": lambda seen: [f"most of {seen}"],
         "dependences": lambda seen: [f"all of {seen}"],
         "every_dependence": lambda seen: [f"every of {seen}"],
-        "as_taken": lambda item: -item,
+        "as_taken": lambda item: f"{item} as taken",
         "_doubted": lambda found, _: found,
     }
     for name, part_of in parts.items():
         monkeypatch.setattr(review, name, part_of)
-    found = Diagnosis("effect" if chosen else "none", "so", session, held_out, chosen=chosen, terms={}, known=(5,))  # type: ignore[arg-type]
+    found = Diagnosis(
+        "effect" if chosen else "none",
+        "so",
+        session,
+        held_out,
+        chosen=chosen,
+        terms={},
+        known=(SimpleNamespace(quantity="level"),),
+    )  # type: ignore[arg-type]
     found = Diagnosis(**{**vars(found), "fit_search": part, "search": everything, "known_together": "together"})
     return review.reviewed(found, NOMINAL), began
 
@@ -78,14 +86,14 @@ def test_a_review_tells_the_gap_before_and_after_and_what_is_left(monkeypatch: p
     np.testing.assert_array_equal(began["before"].per_run, PER_RUN)
     assert (found.pieces, found.pieces_after) == ("pieces of started", "pieces of the fit")
     assert (found.where, found.left) == (("most of pieces of started",), ("every of pieces of the fit",))
-    assert (found.known, found.known_together) == ((5,), "together")
+    assert (found.known, found.known_together) == ((SimpleNamespace(quantity="level"),), "together")
 
 
 def test_values_of_a_model_that_misses_more_runs_than_may_be_odd_mean_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     found, began = reviewed(monkeypatch, [0.2, 1.1, 1.1, 0.2])
     assert (found.outlying, found.follows) == ((1, 2), False)
     assert began["before"] is NOMINAL
-    assert (found.known, found.known_together) == ((-1, -2), None)
+    assert (found.known, found.known_together) == (("level as taken",), None)
     assert np.isnan(found.confirmation)  # no run was held out
 
 

@@ -51,7 +51,7 @@ def test_a_screening_has_a_column_of_each_value_coordinate_and_place_at_which_an
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[Any] = []
-    problem: Any = SimpleNamespace(linearized=lambda *given: asked.append(given) or "views")
+    problem: Any = SimpleNamespace(linearized=lambda *given: asked.append(given) or "views", given=())
     tolerance = {"wheels.track_mm": 0.05, "body.mass_g": 0.0}
     search = Search(problem, {"inside": PLAIN}, tolerance, (0, 2))
     search.terms = {"plain": PLAIN, "spot": SPOT, "steps": STEPS}

@@ -157,7 +157,7 @@ def shown(square: float, starts: float) -> Any:
     scatter = np.sqrt(starts / 2) * np.array([0.0, 0.0, 1.0]) + 5.0 * along
     effects = np.column_stack([9 * along, 9 * aside, scatter])  # the start is the last of them
     item = SimpleNamespace(start=along[:, None], common=common[:, None], scatter=effects)
-    return SimpleNamespace(attempted=lambda *_: [item, None, item], data=range(3))
+    return SimpleNamespace(attempted=lambda *_: [item, None, item], data=range(3), given=())
 
 
 @pytest.mark.parametrize(("sigmas", "visible"), [(0.51, True), (0.49, False)])
@@ -168,5 +168,8 @@ def test_what_all_runs_show_by_less_than_half_a_sigma_is_not_fitted(sigmas: floa
     found = search_input.visible_tolerances(problem, point, {"key": 0.1, "exact": 0.0})
     assert found == ({"key": 0.1} if visible else {})
     assert search_input.show_starts(problem, point) is visible
+    # what acts beside an effect that the robots lack cannot be seen yet
+    kept = search_input.visible_tolerances(problem, point, {"key": 0.1, "left_wheel_turns": 0.1})
+    assert ("key" in kept, "left_wheel_turns" in kept) == (visible, True)
     square, starts = search_input._squares_shown(problem, point, [Column("key")])
     assert (square[0], starts) == (pytest.approx((sigmas / 0.1) ** 2), pytest.approx(sigmas**2))

@@ -75,7 +75,7 @@ def test_values_of_tolerance_and_friction_are_fitted_in_their_sigmas(
     monkeypatch.setattr(within_tolerances, "Simulated", Linear)
     monkeypatch.setattr(within_tolerances, "quantities", lambda *_: [SimpleNamespace(key="known", tolerance=0.5)])
     monkeypatch.setattr(within_tolerances, "predicted_sigmas", lambda _: "sigmas")
-    robot: Any = SimpleNamespace(tolerance={"table.name": 0.03, "table.exact": 0.0})
+    robot: Any = SimpleNamespace(tolerance={"table.name": 0.03, "table.exact": 0.0}, effect=())
     per_run = np.zeros(PER_RUN)
     per_run[START_POSE] = 0.1 * truth[2]
     forward = Linear([robot], [0], {}, "sigmas")
@@ -93,5 +93,5 @@ def test_a_run_that_cannot_be_simulated_is_infinitely_far(monkeypatch: pytest.Mo
     monkeypatch.setattr(within_tolerances, "quantities", lambda *_: [SimpleNamespace(key="known", tolerance=0.5)])
     monkeypatch.setattr(within_tolerances, "predicted_sigmas", lambda _: "sigmas")
     run: Any = SimpleNamespace(marks_mm=np.zeros((20, 4)))
-    robot: Any = SimpleNamespace(tolerance={})
+    robot: Any = SimpleNamespace(tolerance={}, effect=())
     assert misfit_within_tolerances(run, robot) == np.inf
