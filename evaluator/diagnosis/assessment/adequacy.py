@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.inference.fitted_model import Fit, left_overs
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.linear.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -60,9 +60,8 @@ def adequacy(fit: Fit, data: Sequence[RunData], relevant_gain: float = 0.0) -> A
 
     relevant_gain: relative; gains of the wheels that depend on something known by less are of no consequence.
     """
-    columns = fit.columns
-    theta = np.array([fit.point.value(column) for column in columns])
-    squares, freedom = left_overs(fit.linearized, columns, theta)
+    theta = np.array([fit.point.value(column) for column in fit.columns])
+    squares, freedom = fit.misfits
     excess = float(squares.sum() / freedom.sum())
     scatter = fit.posterior.scatter
     random_effects, unknown = run_effects(fit.reduced, theta, scatter)

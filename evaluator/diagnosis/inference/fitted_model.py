@@ -36,10 +36,15 @@ class Fit:
     shortfall: float = 0.0
 
     @cached_property
+    def misfits(self) -> tuple[Floats, Floats]:
+        """Residual sums of squares of its runs and their degrees of freedom, (n,), (n,); see left_overs."""
+        theta = np.array([self.point.value(column) for column in self.columns])
+        return left_overs(self.linearized, self.columns, theta)
+
+    @property
     def excess(self) -> float:
         """Mean square of the whitened residuals: 1 for noise."""
-        theta = np.array([self.point.value(column) for column in self.columns])
-        squares, freedom = left_overs(self.linearized, self.columns, theta)
+        squares, freedom = self.misfits
         return float(squares.sum() / freedom.sum())
 
     @property

@@ -43,9 +43,9 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
     for seed in seeds:
         if seed.terms:
             fit_set(search, seed.terms, seed.point.terms, seed)
-    if len(search.fits) == 1:
+    if not _is_beaten(search):
         _fit_whole_changes(search, nominal)
-        if len(search.fits) == 1 or search.null.converged:  # screening at a null that did not converge is misleading
+        if search.null.converged or not _is_beaten(search):  # otherwise screening at the null is misleading
             _from_the_null(search)
         if search.problem.horizon_s == np.inf:  # over short horizons every single effect is fitted already
             _from_the_nominal(search, nominal)
@@ -60,6 +60,14 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
         for number, ids in enumerate(beam):
             extend(search, ids)
             progress(f"{size + 1} effects", 0.3 + 0.7 * (size - 1 + (number + 1) / len(beam)) / (LARGEST_SET - 1))
+
+
+def _is_beaten(search: Search) -> bool:
+    """Whether some set is more probable than the null, whose evidence is a lower bound if it has not converged.
+
+    A dead band beyond all commands explains nothing and yet converges, because nothing depends on anything there.
+    """
+    return any(search.evidence(ids) > search.evidence(frozenset()) for ids in search.fits if ids)
 
 
 def _is_worth_extending(search: Search, ids: frozenset[str]) -> bool:

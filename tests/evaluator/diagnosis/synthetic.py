@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluator.diagnosis.inference.fitted_model import left_overs
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, Reduced, reduce_runs
 from evaluator.diagnosis.likelihood.run_data import RunData
 
@@ -48,13 +49,21 @@ def column(key: str, *, effect: bool = True, step: float = 1.0) -> Any:
     return SimpleNamespace(key=key, coordinate=0, term=term)
 
 
+class _Standing(SimpleNamespace):
+    """A fit without steps."""
+
+    @property
+    def misfits(self) -> tuple[Floats, Floats]:
+        return left_overs(self.linearized, self.columns, np.array([self.point.value(item) for item in self.columns]))
+
+
 def fit_of(
     runs: list[Linearized], columns: list[Any], theta: Floats, tau: Floats, covariance: Floats | None = None
 ) -> Any:
     """A fit that stands at these common parameters and this scatter."""
     values = {item.key: float(value) for item, value in zip(columns, theta, strict=True)}
     reduced: Reduced = reduce_runs(runs)
-    return SimpleNamespace(
+    return _Standing(
         columns=tuple(columns),
         point=SimpleNamespace(value=lambda item: values[item.key]),
         linearized=tuple(runs),

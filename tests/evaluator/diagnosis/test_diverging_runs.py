@@ -38,15 +38,19 @@ def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
         open_ground=changes.get("open_ground", False),
         data=range(runs),
         features=features,
-        attempted=lambda *_: [changes.get("view", view)] * runs,
+        attempted=lambda _, __, chosen: [changes.get("view", view)] * len(chosen),
     )
+    others = np.ones(runs - 1)
     best = SimpleNamespace(
+        runs=range(runs),
+        misfits=(np.array([*others, changes.get("misfit", 1.0)]) * 3.0, np.full(runs, 3.0)),
         converged=changes.get("converged", True),
         excess=changes.get("excess", 1.0),
         point=Point(np.zeros((runs, 7)), terms={"drift": (2.0,)}),
         columns=(COLUMN,),
     )
-    return SimpleNamespace(problem=problem, fits={frozenset({"drift"}): best}, ranked=lambda: [frozenset({"drift"})])
+    fits = {frozenset({"drift"}): best}
+    return SimpleNamespace(problem=problem, fits=fits, ranked=lambda: [frozenset({"drift"})], initial=lambda _: [best])
 
 
 @pytest.fixture(autouse=True)
@@ -66,6 +70,28 @@ def test_a_run_diverges_whose_slope_changes_by_half_of_itself_within_a_step() ->
 def test_none_diverges_on_open_ground_or_where_no_model_explains_or_where_too_few_are_left(changes: Any) -> None:
     slopes = changes.pop("slopes", [1.0] * 3)
     assert diverging_runs.diverging_runs(search_of(slopes, [9.0, 0.0, 0.0], **changes)) == []
+
+
+@pytest.mark.parametrize(
+    ("bends", "misfit", "found"),
+    [([0.0, 9.0], 11.0, [3]), ([9.0, 9.0], 11.0, [3]), ([0.0, 9.0], 9.0, []), ([9.0, 0.0], 11.0, [])],
+)
+def test_where_no_model_explains_the_runs_one_diverges_that_obstructs_them(
+    bends: list[float], misfit: float, found: list[int]
+) -> None:
+    """Of four runs the last misses ten times the median of all; a robot was captured there, but not in the model."""
+    search = search_of([1.0] * 4, [0.0, 0.0, *bends], excess=9.0, misfit=misfit)
+    assert diverging_runs.diverging_runs(search) == found
+
+
+def test_more_runs_than_go_wrong_by_themselves_do_not_diverge_from_a_model_that_explains_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = search_of([1.0] * 5, [0.0, 0.0, 0.0, 9.0, 9.0], converged=False, misfit=11.0)
+    search.fits[frozenset({"drift"})].misfits[0][3] = 33.0
+    assert diverging_runs.diverging_runs(search) == []
+    monkeypatch.setattr(diverging_runs, "most_odd", lambda count: count - 3)
+    assert diverging_runs.diverging_runs(search) == [3, 4]
 
 
 def test_what_ends_at_a_bound_within_a_step_is_not_varied(monkeypatch: pytest.MonkeyPatch) -> None:

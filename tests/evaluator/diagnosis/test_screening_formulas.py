@@ -179,21 +179,23 @@ def test_a_search_can_be_stopped_between_two_trials_of_a_step() -> None:
 @pytest.mark.parametrize(
     ("begun", "converged", "horizon_s", "steps"),
     [
-        (False, False, np.inf, ["whole", "null", "nominal"]),
-        (True, True, np.inf, ["whole", "null", "nominal"]),
-        (True, False, np.inf, ["whole", "nominal"]),  # a null that did not converge misleads
-        (False, True, 2.5, ["whole", "null"]),
+        (None, False, np.inf, ["whole", "null", "nominal"]),
+        (9.0, True, np.inf, ["whole", "null", "nominal"]),
+        (9.0, False, np.inf, ["whole", "nominal"]),  # a null that did not converge misleads
+        (-9.0, False, np.inf, ["whole", "null", "nominal"]),  # unless all others explain even less
+        (None, True, 2.5, ["whole", "null"]),
     ],
 )
 def test_a_search_screens_at_the_null_unless_it_misleads_and_at_the_file_over_whole_runs(
-    begun: bool, converged: bool, horizon_s: float, steps: list[str], monkeypatch: pytest.MonkeyPatch
+    begun: float | None, converged: bool, horizon_s: float, steps: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done: list[str] = []
 
     def whole(search: Search, _: Any) -> None:
         done.append("whole")
-        if begun:
-            search.fits[frozenset("a")] = search.null
+        if begun is not None:
+            fit: Any = SimpleNamespace(**vars(search.null) | {"posterior": SimpleNamespace(log_evidence=begun)})
+            search.fits[frozenset("a")] = fit
 
     search = searching()
     null: Any = search.null
@@ -205,3 +207,22 @@ def test_a_search_screens_at_the_null_unless_it_misleads_and_at_the_file_over_wh
     monkeypatch.setattr(strategy, "extend", lambda *_: None)
     strategy.run_search(search, null.point, null.point, no_progress)
     assert done == steps
+
+
+@pytest.mark.parametrize(("evidence", "screens"), [(1.0, False), (-1.0, True)])
+def test_a_search_that_begins_with_what_explains_less_than_nothing_added_screens_all_again(
+    evidence: float, *, screens: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot that stands still in the model: the fit converges, far below the null, and no effect was tried then."""
+    search, done = searching(), list[str]()
+    null: Any = search.null
+    null.converged = False
+    seed: Any = SimpleNamespace(**vars(null) | {"terms": frozenset("a"), "point": Point(null.point.per_run)})
+    seed.posterior = SimpleNamespace(log_evidence=evidence)
+    monkeypatch.setattr(strategy, "fit_model", lambda *_: null)
+    monkeypatch.setattr(strategy, "fit_set", lambda search, ids, *_: search.fits.update({ids: seed}))
+    for name in ("_fit_whole_changes", "_from_the_null", "_from_the_nominal"):
+        monkeypatch.setattr(strategy, name, lambda *_, name=name: done.append(name))
+    monkeypatch.setattr(strategy, "extend", lambda *_: None)
+    strategy.run_search(search, null.point, null.point, no_progress, [seed])
+    assert done == (["_fit_whole_changes", "_from_the_null", "_from_the_nominal"] if screens else [])

@@ -136,7 +136,7 @@ def test_fits_of_the_first_seconds_are_where_those_of_whole_runs_begin(monkeypat
 
     def fit_set(search: Search, ids: frozenset[str], starts: Any, origin: Any) -> None:
         begun.append((ids, starts, origin))
-        search.fits[ids] = null
+        search.fits[ids] = SimpleNamespace(**vars(null) | {"posterior": SimpleNamespace(log_evidence=1.0)})  # type: ignore[assignment]
 
     monkeypatch.setattr(strategy, "fit_set", fit_set)
     start: Any = None
