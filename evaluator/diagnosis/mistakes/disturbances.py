@@ -21,6 +21,7 @@ from evaluator.diagnosis.mistakes.motion import (
     onset,
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
+from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
 from evaluator.diagnosis.mistakes.spacing import by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import stated_distances_mm
@@ -29,9 +30,13 @@ from evaluator.turning.status import SPACING_SHARE
 from evaluator.wording import MM_PER
 from simulator.robot import Robot
 
-# Positions of marks err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations for one run among
-# others, because any of two dozen may be outlying, and three after correction for a keystone at its position.
-ALONE_SHARE, KEYSTONE_SHARE = 0.08, 0.06
+# Deviation of the distance of the marks in one run from that in the others. Marks that are painted anew for each run
+# err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations, because any of two dozen runs may be
+# outlying, and three after correction for a keystone at its position. Where the other runs agree, the marks are the
+# same, and twice what another calibration changes (repainted.CHANGED_SHARE) is another robot. Six standard deviations
+# of the others lie between: they are known from few runs.
+ALONE_SHARE, SAME_SHARE, AFTER_KEYSTONE = 0.08, 2 * CHANGED_SHARE, 0.75
+OTHERS_SIGMAS, FEWEST_ALIKE = 6.0, 4
 UNITS = {unit.replace("um", "µm"): 1 / size_mm for unit, size_mm in MM_PER.items() if unit != "mm"}  # per mm
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
 PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of length, is in pixels
@@ -60,16 +65,18 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     stated_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
-    common, straight = _common(ratios), float("nan")
+    common, straight, least = _common(ratios), float("nan"), SAME_SHARE
     found = []
     for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
-        if abs(ratio / common - 1) < ALONE_SHARE:
+        if abs(ratio / common - 1) < least:
             continue
         if not np.isfinite(straight):  # of all runs without the keystone that they show
             keystone = keystone_of(spacings)
-            straight = _common([float(np.median(item.without(keystone).ratio)) for item in spacings])
+            without = [float(np.median(item.without(keystone).ratio)) for item in spacings]
+            straight, least = _common(without), _least_share(without)
         others = [item for k, item in enumerate(spacings) if k != number]
-        if abs((ratio - by_keystone(spacings[number], others)) / straight - 1) < KEYSTONE_SHARE:
+        alone = abs(ratio / common - 1) < least
+        if alone or abs((ratio - by_keystone(spacings[number], others)) / straight - 1) < AFTER_KEYSTONE * least:
             continue
         words = f"its marks are {ratio * stated:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)
@@ -86,6 +93,14 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             remedy = "is it the file of this robot? Measure its marks"
             found.append(Found(run.id, "wrong-robot", words, remedy))
     return found
+
+
+def _least_share(ratios: Sequence[float]) -> float:
+    """Least deviation of the distance of the marks that is another robot, from the distances in all runs."""
+    seen = np.array(ratios)[np.isfinite(ratios)]
+    if len(seen) < FEWEST_ALIKE:
+        return ALONE_SHARE
+    return float(np.clip(OTHERS_SIGMAS * robust_sigma(seen), SAME_SHARE, ALONE_SHARE))
 
 
 def _common(ratios: Sequence[float]) -> float:

@@ -20,10 +20,26 @@ from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, drive
 
 
 @pytest.mark.parametrize(
-    ("ratio", "kind"), [(1.07, None), (1.09, "wrong-robot"), (0.93, None), (0.91, "wrong-robot"), (2.9, "wrong-robot")]
+    ("scatter", "ratio", "kind"),
+    [
+        (0.0, 1.025, None),
+        (0.0, 1.03, "wrong-robot"),
+        (0.0, 0.975, None),
+        (0.0, 0.97, "wrong-robot"),
+        (0.0, 2.9, "wrong-robot"),
+        (0.01, 1.055, None),  # the median deviation from the median is 0.01: a standard deviation of 0.0148
+        (0.02, 1.07, None),
+        (0.02, 1.12, "wrong-robot"),
+        (0.02, 0.93, None),
+        (0.02, 0.88, "wrong-robot"),
+    ],
 )
-def test_marks_of_one_run_may_be_off_by_a_twelfth(ratio: float, kind: str | None) -> None:
-    found = wrong_scale(session(driven(0, scale=ratio)), [ROBOT] * 8)
+def test_marks_of_one_run_may_be_off_by_a_twelfth_or_a_fortieth_where_those_of_the_others_are_the_same(
+    scatter: float, ratio: float, kind: str | None
+) -> None:
+    """A robot whose marks are 7 % nearer was taken for a wrong command."""
+    others = [driven(number, scale=1.0 + scatter * (-1) ** number) for number in range(1, 8)]
+    found = wrong_scale([driven(0, scale=ratio), *others], [ROBOT] * 8)
     assert kinds(found) == ([("r0", kind)] if kind else [])
 
 
@@ -33,7 +49,7 @@ def test_marks_of_all_runs_may_be_off_by_a_fifth(ratio: float, wrong: bool) -> N
     assert (len(found) > 0) == wrong
 
 
-@pytest.mark.parametrize(("ratio", "kind"), [(1.19, None), (1.23, "wrong-robot"), (1.0, "wrong-robot")])
+@pytest.mark.parametrize(("ratio", "kind"), [(1.15, None), (1.17, "wrong-robot"), (1.0, "wrong-robot")])
 def test_a_run_is_held_against_where_all_runs_see_the_marks(ratio: float, kind: str | None) -> None:
     found = wrong_scale([driven(number, scale=ratio if number == 3 else 1.13) for number in range(8)], [ROBOT] * 8)
     assert kinds(found) == ([("r3", kind)] if kind else [])
