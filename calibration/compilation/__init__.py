@@ -32,9 +32,10 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
         from calibration.compilation.cache import keep_on_disk
         from calibration.compilation.parts import call_as_part
 
-        # No wrapper for C: kernels are called from Python and from other kernels only. numba gives forceinline of a
-        # kernel to all that it calls, unless they refuse: they would be written out at each of their calls.
-        wanted = {"error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": False, **options}
+        # No wrapper for C: kernels are called from Python and from other kernels only. numba gives forceinline and
+        # fastmath of a kernel to all that it calls, unless they refuse: they would be written out at each of their
+        # calls, and what they round would depend on who called them first.
+        wanted = {"error_model": "numpy", "no_cfunc_wrapper": True, "forceinline": False, "fastmath": False, **options}
         kernel = njit(**wanted)(function)
         if kernel is function:  # NUMBA_DISABLE_JIT: plain Python, to step through a kernel or to mutate it
             return function

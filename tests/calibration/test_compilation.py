@@ -135,14 +135,14 @@ def test_parts_are_compiled_into_their_caller_and_only_what_is_called_is_kept(on
     assert names == {"own_kernels.whole"}
 
 
-def test_what_is_called_by_a_kernel_that_is_written_out_at_each_call_is_not_written_out_itself(
+def test_what_a_kernel_calls_is_neither_written_out_nor_rounded_as_the_kernel_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written_out: dict[str, bool] = {}
+    options: dict[str, tuple[bool, bool]] = {}
     compile_part = _PartCompiler.compile_extra
 
     def noted(self: _PartCompiler, func: Callable[..., object]) -> object:
-        written_out[func.__name__] = self.state.flags.forceinline
+        options[func.__name__] = self.state.flags.forceinline, bool(self.state.flags.fastmath)
         return compile_part(self, func)
 
     monkeypatch.setattr(_PartCompiler, "compile_extra", noted)
@@ -150,7 +150,7 @@ def test_what_is_called_by_a_kernel_that_is_written_out_at_each_call_is_not_writ
     kernels: dict[str, Callable[..., object]] = {"__name__": "own_kernels"}  # type: ignore[dict-item]
     exec(KERNELS, kernels)  # noqa: S102  # no file, so that nothing is read from a cache
     assert kernels["whole"](3.0) == 42.0
-    assert written_out == {"total": False, "square": False, "linked": True}
+    assert options == {"total": (False, True), "square": (False, False), "linked": (True, False)}
 
 
 def test_a_second_installation_of_the_same_sources_compiles_nothing(compiled_before: Path, run: Run) -> None:
