@@ -115,18 +115,6 @@ class Command:
         return cls(np.array([start_s, full_s]), np.array([0.0, left_rpm]), np.array([0.0, right_rpm]))
 
     @classmethod
-    def from_csv(cls, path: str | Path) -> Command:
-        """Read a command log; values are joined by straight lines.
-
-        Two rows at one time are a jump. Raises OSError, and SimulationError for a file that is not a command log.
-        """
-        time, left, right = _columns_of_log(path)
-        try:
-            return cls(time, left, right)
-        except SimulationError as error:
-            raise SimulationError(f"{path}: {error}") from error
-
-    @classmethod
     def held(
         cls,
         path: str | Path,
@@ -135,10 +123,11 @@ class Command:
         wheel_radius_m: float | None = None,
         track_m: float | None = None,
     ) -> Command:
-        """Read a command log as from_csv does, each value held until the next.
+        """Read a command log; each value is held until the next.
 
         Before the first row the motors are off; if the robot does not start at rest, the first row holds there, too.
-        wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities. Raises as from_csv.
+        wheel_radius_m, track_m: of the robot's controller, for speeds of wheels or velocities. Raises OSError, and
+        SimulationError for a file that is not a command log.
         """
         time, left, right = _columns_of_log(path, wheel_radius_m, track_m)
         try:

@@ -32,24 +32,26 @@ def simulate(
 ) -> Run:
     """Simulate one run from rest: pose, velocities, and slip and friction of every wheel over time.
 
-    robot: a shipped name, a robot.toml or a Robot; commands: a log (`time_s, left_rpm, right_rpm`) or a Command instead
-    of constant speeds; start_s, stop_s: motors on and off; start: pose at time 0, by default the origin of the plate.
+    robot: a shipped name, a robot.toml or a Robot; commands: a log (`time_s, left_rpm, right_rpm`; each value holds
+    until the next, as in an experiment) or a Command instead of constant speeds; start_s: motors on, or time at which
+    the clock of a log reads 0; stop_s: motors off; start: pose at time 0, by default the origin of the plate.
     Raises InputError, SimulationError.
     """
     if commands is None and (left_rpm is None or right_rpm is None):
         raise InputError("expected the speed of both sides (--left, --right) or a command log (--command)")
     if commands is not None and not (left_rpm is None and right_rpm is None):
         raise InputError("expected either speeds (--left, --right) or a command log (--command), not both")
+    if commands is not None and stop_s is not None:
+        raise InputError("a command log says when the motors stop: leave out --stop-s, or end the log with zeros")
     for name, value in {"duration": duration_s, "rate": rate_hz}.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"the {name} must be a positive number; found {value}")
     rows = round(duration_s * rate_hz) + 1
     if rows < 2:
         raise InputError(f"a duration of {duration_s} s at a rate of {rate_hz} Hz holds no second row")
-    if isinstance(commands, Command):
-        command = commands
-    elif commands is not None:
-        command = read_with(Command.from_csv, Path(commands))
+    if commands is not None:
+        read = commands if isinstance(commands, Command) else read_with(Command.held, Path(commands))
+        command = read.retimed(later_s=start_s)
     else:
         command = Command.constant(left_rpm or 0.0, right_rpm or 0.0, start_s, stop_s)
     return simulate_run(robot_of(robot), command, np.arange(rows) / rate_hz, start or State())

@@ -59,7 +59,7 @@ def _readers() -> Iterator[Reader]:
         yield Reader(name, partial(read_with, load), (*[mutations.of_toml] * 3, TEXT, BYTES))
     table = (*[mutations.of_table] * 3, TEXT, BYTES)
     yield Reader("marks.csv", read_marks, table)
-    yield Reader("commands.csv", partial(read_with, Command.from_csv), table)
+    yield Reader("commands.csv", partial(read_with, Command.held), table)
     yield Reader("corrections.csv", read_corrections, table)
     yield Reader("poses.csv", read_poses, table)
     yield Reader("camera.json", partial(read_with, load_camera), (*[mutations.of_json] * 3, TEXT, BYTES))

@@ -43,13 +43,11 @@ def test_a_robot_that_does_not_start_at_rest_did_before_the_log_what_its_first_r
 def test_semicolons_with_decimal_commas_are_read_after_a_line_for_spreadsheets(tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text("sep=;\ntime_s;left_rpm;right_rpm\n0,5;-1,25;2\n1;3;4\n")
-    command = Command.from_csv(log)
-    assert command.time_s.tolist() == [0.5, 1.0]
-    assert command.left_rpm.tolist() == [-1.25, 3.0]
-    assert command.right_rpm.tolist() == [2.0, 4.0]
+    command = Command.held(log)
+    assert command.knots.tolist() == [[0.5, 0.0, 0.0], [0.5, -1.25, 2.0], [1.0, -1.25, 2.0], [1.0, 3.0, 4.0]]
     log.write_text("sep=;\ntime_s;left_rpm;right_rpm\n0,5;-1,25;2\n1;;4\n")
     with pytest.raises(SimulationError, match="line 4 holds a value that is not a finite number"):
-        Command.from_csv(log)
+        Command.held(log)
 
 
 def test_rad_per_second_are_read(tmp_path: Path) -> None:

@@ -123,9 +123,10 @@ def test_one_locked_wheel_sticks_and_the_robot_pivots_about_it() -> None:
 
 
 def test_ramp_and_command_log_give_what_their_integral_says(tmp_path: Path) -> None:
+    """Over 2 s: of the log 20 rpm for 0.75 s and 40 rpm for 0.75 s, of the ramp 15 and 30 rpm for 1 s each."""
     log = tmp_path / "log.csv"
-    log.write_text("time_s,left_rpm,right_rpm\n0,0,0\n1,30,30\n2,30,30\n", encoding="utf-8")
-    for command in (Command.from_csv(log), Command.ramp(30.0, 30.0, 0.0, 1.0)):
+    log.write_text("time_s,left_rpm,right_rpm\n0,0,0\n0.5,20,20\n1.25,40,40\n", encoding="utf-8")
+    for command in (Command.held(log), Command.ramp(30.0, 30.0, 0.0, 1.0)):
         run = simulate(load_robot("barrel"), command, TIMES_S)
         assert run.x_mm[-1] == pytest.approx(1.5 * 30 * 2 * np.pi * 0.5 / 60, rel=1e-3)
 

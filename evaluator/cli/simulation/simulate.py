@@ -14,10 +14,16 @@ import click
 @click.option("--left", "left_rpm", type=float, metavar="RPM", help="Speed of the left wheels; negative: backward.")
 @click.option("--right", "right_rpm", type=float, metavar="RPM", help="Speed of the right wheels; negative: backward.")
 @click.option(
-    "--command", "log", type=click.Path(path_type=Path), metavar="CSV", help="Command log, instead of constant speeds."
+    "--command",
+    "log",
+    type=click.Path(path_type=Path),
+    metavar="CSV",
+    help="Command log, instead of constant speeds; each value holds until the next.",
 )
 @click.option("--duration", "duration_s", required=True, type=float, metavar="S", help="Duration of the run.")
-@click.option("--start-s", default=0.0, show_default=True, metavar="S", help="Time at which the motors start.")
+@click.option(
+    "--start-s", default=0.0, show_default=True, metavar="S", help="Time at which the motors start, or the log."
+)
 @click.option("--stop-s", type=float, metavar="S", help="Time at which the motors stop. [default: never]")
 @click.option("--x", "x_mm", default=0.0, metavar="MM", help="Start position of the robot's centre.")
 @click.option("--y", "y_mm", default=0.0, metavar="MM", help="Start position of the robot's centre.")
