@@ -12,6 +12,7 @@ from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
 from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
+    ONSET_SPAN_S,
     WINDOW_S,
     Motion,
     Onset,
@@ -46,6 +47,7 @@ LATE_SPREADS = 6.0  # times the scatter of the starts in the session
 # left to the diagnosis; a longer one is a forgotten start.
 MOTORS_S = 0.3
 SLOWEST_S = 1.0  # if the file states start_s: a drive of a metre that follows half of its command after 0.65 s is slow
+ONSET_SAMPLES, RAMPS_SHARE = 8, 0.8  # an onset that is extrapolated by another slope errs by a fifth of its way
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
@@ -124,7 +126,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
             continue
         from_rest = run.run_command.starts_at_rest and bool(run.left_rpm or run.right_rpm)
-        begins = onset(run) if from_rest else None
+        begins = onset(run) if from_rest and _starts_at_once(run) else None
         if begins is not None:
             late[run.id] = Onset(begins.time_s - run.start_s, begins.sigma_s)
         elif from_rest and (moved_mm := moved_before_start_mm(run)):
@@ -150,6 +152,13 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
             found.append(Found(run.id, "late-start", seen, remedy, correction=correction))
     return found
+
+
+def _starts_at_once(run: RunData) -> bool:
+    """Whether a run is commanded at once to the speed at which its onset is seen, and not by a slow ramp."""
+    moments = run.start_s + ONSET_SPAN_S * (np.arange(ONSET_SAMPLES) + 0.5) / ONSET_SAMPLES
+    speeds = np.abs(run.run_command.command.at(moments)).max(axis=0)
+    return bool(speeds[0] > RAMPS_SHARE * speeds.max())
 
 
 def _usual(values: Sequence[float]) -> tuple[float, float]:

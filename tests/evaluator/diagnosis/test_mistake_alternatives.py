@@ -11,7 +11,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.misread.alternatives import OFFSETS_S, alternatives, distinct_commands, thinned
-from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _misfit, misread_runs
+from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _judgements, _misfit, _turned, misread_runs
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -55,6 +55,22 @@ def test_misfit_is_what_no_rotation_and_shift_take_away_and_extent_the_larger_of
     spread = 2.0 * np.std(TIME)
     assert _extent(straight, moving(TIME, 1.0, 0.0)) == pytest.approx(spread)
     assert _extent(moving(TIME, 1.0, 0.0), straight) == pytest.approx(spread)
+
+
+@pytest.mark.parametrize(
+    ("turned", "kinds"), [(-0.9, {"sides-swapped", "mirrored"}), (-0.3, {"sides-swapped", "mirrored"}), (-0.2, set())]
+)
+def test_a_run_turns_the_other_way_only_if_it_does_by_a_quarter(turned: float, kinds: set[str]) -> None:
+    """Of what its command says; mirrored, it turns that way, which is compared."""
+    run = replace(recorded(np.zeros((180, 4))), left_rpm=14.4, right_rpm=33.3)
+    robot = load_robot("barrel")
+    (marks,) = Simulated([robot], [run], {}).marks([Task(0, (0.0,) * 7)])
+    heading = _turned(marks)[-1] * turned
+    seen = replace(run, marks_mm=moving(TIME, 1.0, float(heading / TIME[-1])))
+    (judged,) = _judgements([alternatives(thinned(seen), [thinned(seen)], 1.0, 0.02)], [robot])
+    assert {way.kind for way in judged.ways} & {"sides-swapped", "mirrored"} == kinds
+    assert judged.ways[0].kind is None
+    assert len(judged.ways) == len(judged.misfits_mm)
 
 
 def ways_of(run: RunData, *others: RunData, ratio: float | None = None) -> dict[str, list[RunData]]:
@@ -146,6 +162,9 @@ def test_runs_that_fit_another_reading_of_their_command_are_named_and_no_others(
     marks = Simulated(robots, runs, {}).marks([Task(number, (0.0,) * 7) for number in range(4)])
     right = [replace(run, marks_mm=seen) for run, seen in zip(runs, marks, strict=True)]
     assert misread_runs(right, robots) == []
+    # a robot that something keeps from turning is nearer to nothing; not even the best of both is an exchange of sides
+    held = replace(right[3], marks_mm=moving(TIME, 2.5, 0.0))
+    assert [item.kind for item in misread_runs([*right[:3], held], robots) if item.kind == "sides-swapped"] == []
     wrong = [*right]
     wrong[0] = replace(right[0], left_rpm=-33.3, right_rpm=-14.4)
     wrong[2] = replace(right[2], left_rpm=50.0, right_rpm=30.0)

@@ -39,6 +39,8 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     ALIKE,
     BETTER,
     FEWEST_SIMILAR,
+    LEAST_TURN,
+    OTHER_WAY,
     SAME_SPEEDS,
     Judgement,
     unsigned_speeds,
@@ -181,11 +183,32 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
     predicted = forward.marks([Task(k, tuple(start)) for k, start in enumerate(starts)])
     judgements, k = [], 0
     for of_run in ways:
-        parts = [_misfit(way.run.marks_mm, predicted[k + i]) for i, way in enumerate(of_run)]
+        seen = predicted[k : k + len(of_run)]
+        possible = [(way, marks) for way, marks in zip(of_run, seen, strict=True) if not _turns_otherwise(way, marks)]
+        parts = np.array([_misfit(way.run.marks_mm, marks) for way, marks in possible])
         run = of_run[0].run
-        judgements.append(Judgement(of_run, np.array(parts), _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
+        ways = [way for way, _ in possible]
+        judgements.append(Judgement(ways, parts, _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
         k += len(of_run)
     return judgements
+
+
+def _turns_otherwise(way: Alternative, predicted: Floats) -> bool:
+    """Whether the turn of a run refutes a hypothesis by which it turns the other way than stated."""
+    both = np.isfinite(predicted).all(axis=1) & np.isfinite(way.run.marks_mm).all(axis=1)
+    if way.kind not in OTHER_WAY or not both.any():
+        return False
+    expected, turned = (_turned(marks[both]) for marks in (predicted, way.run.marks_mm))
+    if np.abs(np.diff(expected)).max(initial=0.0) > np.pi / 2:  # too fast to know the way from frame to frame
+        return False
+    most = int(np.argmax(np.abs(expected)))
+    return bool(turned[most] * np.sign(expected[most]) < LEAST_TURN * abs(expected[most]))
+
+
+def _turned(marks: Floats) -> Floats:
+    """How far the line through both marks (n, 4) has turned since the first frame, rad, (n,)."""
+    angle = np.unwrap(np.arctan2(marks[:, 1] - marks[:, 3], marks[:, 0] - marks[:, 2]))
+    return np.asarray(angle - angle[0])
 
 
 def _least_shares(judgements: Sequence[Judgement]) -> list[float]:

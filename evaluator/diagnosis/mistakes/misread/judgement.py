@@ -21,6 +21,11 @@ ALIKE = 1.3  # ratio of misfits within which two mistakes are distinguished by o
 FEWEST_SIMILAR = 2
 # Hypotheses that change no wheel speed. One of many other commands or rates may fit by chance.
 SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "mirrored")
+# Hypotheses by which a run turns the other way. They are refuted by a run that does not turn that way by a quarter of
+# what they predict: effects halve the turn of a run. A robot that scrub keeps from turning is nearer to an exchange
+# of its sides within tolerances than to its file, if these bend the path to one side more than to the other.
+OTHER_WAY: tuple[Kind, ...] = ("sides-swapped", "mirrored")
+LEAST_TURN = 0.25
 
 
 @dataclass(frozen=True)
