@@ -13,11 +13,13 @@ from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowle
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.sufficiency import too_few
-from evaluator.diagnosis.assessment.verdict import Verdict, decide, doubts, material_gain
+from evaluator.diagnosis.assessment.verdict import TIE, Verdict, decide, doubts, material_gain
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.search_runs import name_what_is_off, rank_named
 from evaluator.diagnosis.session_changes import DRIFT, step_in_speed
+from evaluator.wording import counted
 from simulator.effects.coordinates import Candidate
 
 
@@ -67,8 +69,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     elif reserve:
         verdict, reason = "unknown", reserve
         chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)
-    if verdict == "unknown" and (few := too_few_runs(search, chosen, session)):
-        verdict, reason, chosen = "insufficient", f"{reason}; {few}", frozenset()
+    if few := _too_few(verdict, reason, search, chosen, session):
+        verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
     known = knowledge(session.known, search.fits[chosen])
     at_once = together(search.fits[chosen], search.tolerance)
@@ -88,6 +90,34 @@ def step_for_drift(search: Search, chosen: Set, session: Session) -> str:
     fits = [search.fits[ids] for ids in (chosen, chosen - {DRIFT}) if ids in search.fits]
     said = (step_in_speed(fit, adequacy(fit, session.data), session.data) for fit in fits)
     return next(filter(None, said), "")
+
+
+def _too_few(verdict: Verdict, reason: str, search: Search, ids: Set, session: Session) -> str:
+    """Why the runs are insufficient for a verdict and its reason; empty if they suffice."""
+    if verdict == "unknown" and (few := too_few_runs(search, ids, session)):
+        return f"{reason}; {few}"
+    return too_few_commands(search, ids, session) if verdict == "effect" else ""
+
+
+def too_few_commands(search: Search, ids: Set, session: Session) -> str:
+    """Why the commands are too few to test a set of effects; empty if they suffice.
+
+    A law with as many parameters as there are commands passes through any steady motion of these, however often they
+    are repeated. It is no answer if a free-form term, by another law, explains the runs as well.
+    """
+    commands = {unsigned_speeds(run) for run in session.data}
+    parameters = sum(search.terms[effect].size for effect in ids)
+    if search.problem.open_ground or len(commands) > parameters:
+        return ""
+    least = search.evidence(ids) - TIE
+    forms = [other for other in search.fits if any(map(is_free, other)) and not ids <= other]
+    if not any(search.evidence(other) > least for other in forms):
+        return ""
+    return (
+        f"{' and '.join(sorted(ids))} would explain the runs, but those of {counted(len(commands), 'command')} do not "
+        f"test a law of {counted(parameters, 'parameter')}, and a free-form term explains them as well: drive other "
+        "ratios of the wheel speeds"
+    )
 
 
 def too_few_runs(search: Search, ids: Set, session: Session) -> str:

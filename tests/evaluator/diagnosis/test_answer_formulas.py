@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
-from evaluator.diagnosis.answer import Answer, answer, step_for_drift, too_few_runs
+from evaluator.diagnosis.answer import Answer, answer, step_for_drift, too_few_commands, too_few_runs
 from evaluator.diagnosis.assessment.gap import TOO_SMALL
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.settings import Relevant
+from evaluator.wording import counted
+from tests.evaluator.diagnosis.synthetic import run_data
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +34,7 @@ def answered(
     reserve: str = "",
     step: str = "",
     few: str = "",
+    untested: str = "",
     finding: bool = False,
     on_ground: bool = False,
     beyond: float = 0.6,
@@ -77,6 +80,7 @@ def answered(
         "doubts": doubts,
         "step_for_drift": lambda *_: step,
         "too_few_runs": lambda *_: few,
+        "too_few_commands": lambda *_: untested,
         "knowledge": lambda *_: (SimpleNamespace(is_finding=finding),),
         "together": lambda *_: SimpleNamespace(is_finding=False),
     }
@@ -178,6 +182,45 @@ def test_values_that_contradict_their_tolerance_are_told_where_nothing_is_missin
 ) -> None:
     found = answered(monkeypatch, (chosen, "none"), finding=True)
     assert ("values that contradict their tolerance" in found.reason) == told
+
+
+def test_a_law_that_the_commands_do_not_test_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, (A, "effect"), untested="too few commands")
+    assert (found.verdict, found.reason, found.chosen) == ("insufficient", "too few commands", NONE)
+    assert found.leftover == "left of fit of []"
+    assert answered(monkeypatch, (NONE, "none"), untested="too few commands").verdict == "none"
+
+
+@pytest.mark.parametrize(
+    ("commands", "form", "least", "told"),
+    [
+        (2, "free:x", 99.0, True),
+        (3, "free:x", 99.0, False),  # more than the parameters of the law
+        (2, "free:x", 98.8, False),  # three times less probable
+        (2, "b", 99.0, False),  # another effect of the catalogue: a rival
+        (2, "a free:x", 99.0, False),  # beside the effect, not in its place
+        (1, "free:x", 99.0, True),
+    ],
+)
+def test_commands_as_many_as_the_parameters_of_a_law_do_not_test_it_if_another_law_explains_them(
+    commands: int, form: str, least: float, told: bool
+) -> None:
+    """Two turns of a robot whose friction falls with its speed were explained by a viscous drag."""
+    evidence = {A: 100.0, frozenset(form.split()): least}
+    search: Any = SimpleNamespace(
+        problem=SimpleNamespace(open_ground=False),
+        terms={"a": SimpleNamespace(size=2)},
+        fits=evidence,
+        evidence=evidence.get,
+    )
+    # forward and backward, to both sides, and repeated: one command
+    runs = [run_data(sign * 30.0, sign * (10.0 + k), k) for k in range(commands) for sign in (1, -1, 1)]
+    session: Any = SimpleNamespace(data=[*runs, run_data(10.0, 30.0)])
+    said = too_few_commands(search, A, session)
+    assert bool(said) == told
+    assert not told or f"{counted(commands, 'command')} do not test a law of 2 parameters" in said
+    search.problem.open_ground = True
+    assert too_few_commands(search, A, session) == ""
 
 
 def test_a_law_that_mends_all_runs_is_asked_for_and_no_law_counts_as_one_number(

@@ -187,8 +187,8 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
         possible = [(way, marks) for way, marks in zip(of_run, seen, strict=True) if not _turns_otherwise(way, marks)]
         parts = np.array([_misfit(way.run.marks_mm, marks) for way, marks in possible])
         run = of_run[0].run
-        ways = [way for way, _ in possible]
-        judgements.append(Judgement(ways, parts, _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
+        held = [way for way, _ in possible]
+        judgements.append(Judgement(held, parts, _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
         k += len(of_run)
     return judgements
 
