@@ -13,22 +13,23 @@ DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0, sho
 
 def _act(draft: Draft, values: Values) -> None:
     draft.attraction_factor[draft.layout.driving] *= values["driving_factor"]
-    draft.attraction_factor[~draft.layout.driving] *= values["driven_factor"]
+    draft.attraction_factor[~draft.layout.driving] *= values.get("driven_factor", DRIVEN.absent)
 
 
 def _fitted(scene: Scene) -> Candidate:
     """Coordinates: inverse level, and balance of the axles.
 
     With a slip law that scales with the load, motion depends on the balance, and on the level only through weight and
-    inertia relative to it; hence the inverse.
+    inertia relative to it; hence the inverse. Without magnets in driven wheels there is no balance.
     """
-    del scene
 
     def physical(values: tuple[float, ...]) -> Parameters:
         weakness, balance = values
         return {"driving_factor": 1.0 / weakness, "driven_factor": balance / weakness}
 
     weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
+    if not scene.driven_magnets:
+        return Candidate("magnet-strength", (weakness,), lambda values: {"driving_factor": 1.0 / values[0]})
     most = DRIVEN.high / DRIVING.high
     return Candidate(
         "magnet-strength",

@@ -11,6 +11,7 @@ import pytest
 from simulator.dynamics.model import NUMBERS, compile_robot
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.coordinates import Candidate, Scene, polar
+from simulator.effects.draft import Draft
 from simulator.effects.parameter import UNITS, Parameter, Size
 from simulator.observation import view_of
 from simulator.robot import load_robot
@@ -196,6 +197,12 @@ def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() ->
     assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": 0.5})
     assert [item.low for item in found.coordinates] == pytest.approx([0.2, 0.0])
     assert [item.high for item in found.coordinates] == pytest.approx([20.0, 20.0])
+    alone = EFFECTS["magnet-strength"].candidate(Scene(20.0, (30.0,), driven_magnets=False))
+    assert [item.name for item in alone.coordinates] == ["weakness"]
+    assert alone.physical((4.0,)) == {"driving_factor": 0.25}
+    draft = Draft(load_robot("barrel"))
+    EFFECTS["magnet-strength"].act(draft, alone.physical((4.0,)))  # type: ignore[misc]
+    assert draft.attraction_factor.tolist() == [0.25, 0.25, 1.0, 1.0]
 
 
 def test_a_spring_is_fitted_in_its_stiffness_and_its_pull_at_the_origin() -> None:

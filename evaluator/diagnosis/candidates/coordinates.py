@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from simulator.dynamics.layout import Layout
 from simulator.dynamics.scale import USUAL_DISTANCE_MM, time_unit_s
 from simulator.dynamics.terms import UN_PER_MN
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
@@ -27,6 +28,12 @@ def size_of(robot: Robot) -> Size:
     return Size(float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) / USUAL_DISTANCE_MM, load_mN / USUAL_LOAD_MN)
 
 
+def has_driven_magnets(robot: Robot) -> bool:
+    """Whether the plate attracts wheels of a robot that no motor drives."""
+    layout = Layout.of(robot)
+    return bool(layout.attraction_uN[~layout.driving].any())
+
+
 def is_full_size(robot: Robot) -> bool:
     """Whether a robot is too large for a plate, and drives on open ground."""
     return size_of(robot).on_ground
@@ -45,6 +52,7 @@ def named_terms(
     *,
     one_frame: bool = True,
     commands_recur: bool = True,
+    driven_magnets: bool = True,
 ) -> dict[str, Candidate]:
     """All effects of the catalogue, and those of the user, as candidates by id.
 
@@ -52,9 +60,9 @@ def named_terms(
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
     omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
-    omitted. On a plate, effects of open ground are omitted.
+    omitted. driven_magnets: see Scene. On a plate, effects of open ground are omitted.
     """
-    scene = Scene(reach_mm, command_levels_rpm, size)
+    scene = Scene(reach_mm, command_levels_rpm, size, driven_magnets)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}

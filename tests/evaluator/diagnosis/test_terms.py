@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.candidates.coordinates import named_terms
+from evaluator.diagnosis.candidates.coordinates import has_driven_magnets, named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.likelihood.variants import add_term
+from evaluator.robot_geometry import reference_places
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
+from simulator.effects.draft import Draft
 from simulator.effects.parameter import Size
-from simulator.robot import load_robot
+from simulator.observation import view_of
+from simulator.robot import load_robot, shipped_robots
 
 HUSKY = Path(__file__).parents[2] / "driven_robot" / "husky.toml"
 TERMS = named_terms(30.0, (10.0, 30.0))
@@ -37,6 +41,24 @@ def test_magnets_of_known_balance_and_unknown_level_have_a_long_interval_upward(
     assert near == pytest.approx({"driving_factor": 0.2, "driven_factor": 0.85})
     assert far["driven_factor"] / far["driving_factor"] == pytest.approx(4.25)
     assert strength.physical(TERMS["magnet-strength"].absent) == {"driving_factor": 1.0, "driven_factor": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("robot", "attracted"), [("barrel", True), ("tire", False), ("two_driven_caster", False), ("four_driven", False)]
+)
+def test_magnets_of_driven_wheels_have_a_strength_where_there_are_any(robot: str, attracted: bool) -> None:
+    """A factor of the magnets of casters was told as 3, between 0 and 55."""
+    assert has_driven_magnets(load_robot(robot)) == attracted
+    assert named_terms(20.0, (30.0,), driven_magnets=attracted)["magnet-strength"].size == 1 + attracted
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_every_candidate_acts_on_every_shipped_robot(name: str) -> None:
+    robot = load_robot(name)
+    terms = named_terms(20.0, (30.0,), size=size_of(robot), driven_magnets=has_driven_magnets(robot))
+    for term in terms.values():
+        place = term.starts[0] if term.starts else tuple(item.absent + item.step for item in term.coordinates)
+        add_term(term, place, Draft(robot), view_of(robot, reference_places(robot)))
 
 
 def run_from(place: tuple[float, float], *, from_poses: bool) -> RunData:
