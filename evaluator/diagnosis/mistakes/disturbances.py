@@ -23,7 +23,7 @@ from evaluator.diagnosis.mistakes.motion import (
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
-from evaluator.diagnosis.mistakes.spacing import by_keystone, keystone_of, spacing
+from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import stated_distances_mm
 from evaluator.robust import robust_sigma
@@ -33,9 +33,9 @@ from simulator.robot import Robot
 
 # Deviation of the distance of the marks in one run from that in the others. Marks that are painted anew for each run
 # err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations, because any of two dozen runs may be
-# outlying, and three after correction for a keystone at its position. Where the other runs agree, the marks are the
-# same, and twice what another calibration changes (repainted.CHANGED_SHARE) is another robot. Six standard deviations
-# of the others lie between: they are known from few runs.
+# outlying, and three after correction for a keystone at its position. Where other runs at these places agree, the
+# marks are the same, and twice what another calibration changes (repainted.CHANGED_SHARE) is another robot. Six
+# standard deviations of the others lie between: they are known from few runs.
 ALONE_SHARE, SAME_SHARE, AFTER_KEYSTONE = 0.08, 2 * CHANGED_SHARE, 0.75
 OTHERS_SIGMAS, FEWEST_ALIKE = 6.0, 4
 UNITS = {unit.replace("um", "µm"): 1 / size_mm for unit, size_mm in MM_PER.items() if unit != "mm"}  # per mm
@@ -67,16 +67,17 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     stated_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
-    common, straight, least = _common(ratios), float("nan"), SAME_SHARE
+    common, straight, without = _common(ratios), float("nan"), list[float]()
     found = []
     for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
-        if abs(ratio / common - 1) < least:
+        if abs(ratio / common - 1) < SAME_SHARE:
             continue
         if not np.isfinite(straight):  # of all runs without the keystone that they show
             keystone = keystone_of(spacings)
             without = [float(np.median(item.without(keystone).ratio)) for item in spacings]
-            straight, least = _common(without), _least_share(without)
+            straight = _common(without)
         others = [item for k, item in enumerate(spacings) if k != number]
+        least = _least_share(without) if _is_among(spacings[number], others) else ALONE_SHARE
         alone = abs(ratio / common - 1) < least
         if alone or abs((ratio - by_keystone(spacings[number], others)) / straight - 1) < AFTER_KEYSTONE * least:
             continue
@@ -103,6 +104,13 @@ def _least_share(ratios: Sequence[float]) -> float:
     if len(seen) < FEWEST_ALIKE:
         return ALONE_SHARE
     return float(np.clip(OTHERS_SIGMAS * robust_sigma(seen), SAME_SHARE, ALONE_SHARE))
+
+
+def _is_among(run: Spacing, others: Sequence[Spacing]) -> bool:
+    """Whether a run is driven at places where others are, too: a lens errs with the distance from the middle."""
+    mine, theirs = run.middle_mm, np.concatenate([item.middle_mm for item in others] or [np.full((1, 2), np.nan)])
+    center = np.median(theirs, axis=0)
+    return bool(np.hypot(*(np.median(mine, axis=0) - center)) <= np.hypot(*(theirs - center).T).max())
 
 
 def _common(ratios: Sequence[float]) -> float:

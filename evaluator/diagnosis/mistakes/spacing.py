@@ -35,6 +35,11 @@ class Spacing:
     marks_mm: Floats
     stated_mm: float
 
+    @property
+    def middle_mm(self) -> Floats:
+        """Midpoints of the marks (n, 2)."""
+        return np.asarray((self.marks_mm[:, :2] + self.marks_mm[:, 2:]) / 2)
+
     def without(self, keystone: Floats) -> Spacing:
         """The spacing without a keystone (2,), per mm; its own is then NaN beyond the horizon of the camera."""
         points = self.marks_mm.reshape(-1, 2, 2)

@@ -40,9 +40,16 @@ def test_marks_of_one_run_may_be_off_by_a_twelfth_or_a_fortieth_where_those_of_t
     scatter: float, ratio: float, kind: str | None
 ) -> None:
     """A robot whose marks are 7 % nearer was taken for a wrong command."""
-    others = [driven(number, scale=1.0 + scatter * (-1) ** number) for number in range(1, 8)]
-    found = wrong_scale([driven(0, scale=ratio), *others], [ROBOT] * 8)
-    assert kinds(found) == ([("r0", kind)] if kind else [])
+    others = [driven(number, scale=1.0 + scatter * (-1) ** number) for number in (1, 2, 3, 5, 6, 7, 8)]
+    found = wrong_scale([*others, driven(4, scale=ratio)], [ROBOT] * 8)
+    assert kinds(found) == ([("r4", kind)] if kind else [])
+
+
+def test_marks_at_the_edge_of_the_plate_may_be_off_by_a_twelfth() -> None:
+    """A lens that is not calibrated errs there."""
+    for place, told in ((4, True), (30, False)):
+        runs = [*(driven(number) for number in (1, 2, 3, 5, 6, 7, 8)), driven(place, scale=1.05)]
+        assert bool(wrong_scale(runs, [ROBOT] * 8)) == told
 
 
 @pytest.mark.parametrize(("ratio", "wrong"), [(1.19, False), (1.22, True), (0.85, False), (0.82, True)])
