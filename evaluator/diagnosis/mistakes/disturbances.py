@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
 from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
-    ONSET_SPAN_S,
     WINDOW_S,
     Motion,
     Onset,
@@ -23,6 +23,7 @@ from evaluator.diagnosis.mistakes.motion import (
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
+from evaluator.diagnosis.mistakes.rising_command import motors_on, onset_after_start
 from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import stated_distances_mm
@@ -47,7 +48,6 @@ LATE_SPREADS = 6.0  # times the scatter of the starts in the session
 # left to the diagnosis; a longer one is a forgotten start.
 MOTORS_S = 0.3
 SLOWEST_S = 1.0  # if the file states start_s: a drive of a metre that follows half of its command after 0.65 s is slow
-ONSET_SAMPLES, RAMPS_SHARE = 8, 0.8  # an onset that is extrapolated by another slope errs by a fifth of its way
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
@@ -127,6 +127,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     del robots
     found: list[Found] = []
     late: dict[str, Onset] = {}
+    shown: dict[str, float] = {}  # start, relative to the stated one: farther off than the onset if the command rises
     for run in data:
         first, last = float(run.time_s[0]), float(run.time_s[-1])
         if run.start_s >= last:
@@ -134,9 +135,11 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
             continue
         from_rest = run.run_command.starts_at_rest and bool(run.left_rpm or run.right_rpm)
-        begins = onset(run) if from_rest and _starts_at_once(run) else None
+        begins = onset(run) if from_rest else None
         if begins is not None:
-            late[run.id] = Onset(begins.time_s - run.start_s, begins.sigma_s)
+            expected_s = run.start_s + onset_after_start(run, begins, run.start_s)
+            late[run.id] = replace(begins, time_s=begins.time_s - expected_s)
+            shown[run.id] = motors_on(run, begins) - run.start_s
         elif from_rest and (moved_mm := moved_before_start_mm(run)):
             seen = f"moves by {moved_mm:.2g} mm before its motors are switched on at start_s = {run.start_s:g} s"
             remedy = "correct start_s, or cut the frames in which a hand moves the robot"
@@ -151,6 +154,7 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
         later_s = begins.time_s - (0.0 if run.id in no_lag else usual)
         least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, 0.0 if run.id in no_lag else LATE_SPREADS * spread)
         if abs(later_s) > least_s:
+            later_s += shown[run.id] - begins.time_s
             at_s = run.start_s + later_s
             words = f"{abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} than start_s says"
             remedy = f"set start_s = {at_s:.2f}"
@@ -160,13 +164,6 @@ def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
             seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
             found.append(Found(run.id, "late-start", seen, remedy, correction=correction))
     return found
-
-
-def _starts_at_once(run: RunData) -> bool:
-    """Whether a run is commanded at once to the speed at which its onset is seen, and not by a slow ramp."""
-    moments = run.start_s + ONSET_SPAN_S * (np.arange(ONSET_SAMPLES) + 0.5) / ONSET_SAMPLES
-    speeds = np.abs(run.run_command.command.at(moments)).max(axis=0)
-    return bool(speeds[0] > RAMPS_SHARE * speeds.max())
 
 
 def _usual(values: Sequence[float]) -> tuple[float, float]:

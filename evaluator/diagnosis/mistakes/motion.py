@@ -82,10 +82,14 @@ def motion_of(run: RunData, between: tuple[float, float] | None = None) -> Motio
 
 @dataclass(frozen=True)
 class Onset:
-    """Time at which motion begins, s, and its standard error, s: tenths of a second for slow marks in noise."""
+    """Time at which motion begins, s, and its standard error, s: tenths of a second for slow marks in noise.
+
+    time_s: where the line through the way of the faster mark between two times, span_s, is 0.
+    """
 
     time_s: float
     sigma_s: float
+    span_s: tuple[float, float]
 
 
 def onset(run: RunData) -> Onset | None:
@@ -121,7 +125,7 @@ def onset(run: RunData) -> Onset | None:
         return None
     since = time[part] - time[first]
     arc_per_chord = 1 / np.sinc(turned[part] / (2 * np.pi))
-    slope, level = _robust_line(away[part] * arc_per_chord, since)
+    slope, level = robust_line(away[part] * arc_per_chord, since)
     if slope <= 0:
         return None
     begins = float(-level / slope)
@@ -129,7 +133,8 @@ def onset(run: RunData) -> Onset | None:
     line = 1 / len(since) + (since.mean() - begins) ** 2 / max(float(np.sum((since - since.mean()) ** 2)), 1e-300)
     sigma = scatter / slope * float(np.sqrt(line + np.pi / 2 / rest))
     # a robot that moves already would appear to start in the middle of the assumed rest
-    return Onset(time[first] + begins, sigma) if time[first] + begins > max(time[0] + REST_S, time[rest - 1]) else None
+    onset_s, span_s = time[first] + begins, (float(time[first]), float(time[part][-1]))
+    return Onset(onset_s, sigma, span_s) if onset_s > max(time[0] + REST_S, time[rest - 1]) else None
 
 
 def displacement_in_gap(run: RunData, between: tuple[float, float]) -> tuple[float, float, float] | None:
@@ -213,7 +218,7 @@ def _carried_mark(change: Floats, arm_mm: float) -> float:
     return float(np.hypot(*change[:2]) + arm_mm * abs(change[2]))
 
 
-def _robust_line(values: Floats, at: Floats) -> tuple[float, float]:
+def robust_line(values: Floats, at: Floats) -> tuple[float, float]:
     """Slope and value at 0 by Theil and Sen: the median slope of all pairs, and the line through both medians."""
     rise, run = np.subtract.outer(values, values), np.subtract.outer(at, at)
     slope = float(np.median(rise[run > 0] / run[run > 0]))
@@ -223,9 +228,9 @@ def _robust_line(values: Floats, at: Floats) -> tuple[float, float]:
 def _moving_at(time_s: Floats, middle: Floats, heading: Floats, at_s: float) -> tuple[Floats, Floats, float]:
     """Pose (3,) at a time, velocity (3,) along, across (mm/s), in yaw (rad/s), and scatter, mm, from a few frames."""
     since = time_s - at_s
-    yaw, angle = _robust_line(heading, since)
+    yaw, angle = robust_line(heading, since)
     # in the robot's frame a steady turn is straight: the path is rotated back frame by frame
-    fits = [_robust_line(middle[:, axis], since) for axis in (0, 1)]
+    fits = [robust_line(middle[:, axis], since) for axis in (0, 1)]
     center = time_s.mean() - at_s
     rate = np.array([fit[0] for fit in fits])
     mid = np.array([fit[1] + fit[0] * center for fit in fits])

@@ -1,0 +1,65 @@
+"""Starts of runs whose command rises: a slow ramp is seen to move only after its start, and is not late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.disturbances import late_starts
+from evaluator.diagnosis.mistakes.motion import Onset
+from evaluator.diagnosis.mistakes.rising_command import motors_on, onset_after_start
+from evaluator.interchange.commands import RunCommand
+from simulator.command import Command
+from tests.evaluator.diagnosis.marks_of_motion import moving, recorded
+from tests.evaluator.diagnosis.straight_session import ROBOT
+
+START_S, FULL_RPM, RISE_S = 0.5, 40.0, 10.0
+TIME = np.arange(300) / 60
+
+
+def ramp(number: int = 0, begins_s: float = START_S) -> RunData:
+    """A run whose speed rises evenly from begins_s on, by its log from START_S on: after 1 s, 0.2 mm/s."""
+    marks = moving(0.1 * np.maximum(TIME - begins_s, 0.0) ** 2, 1.0, 0.0)
+    run = recorded(marks, TIME, noise_mm=0.005)
+    log = RunCommand(Command.ramp(FULL_RPM, FULL_RPM, START_S, START_S + RISE_S), logged=True)
+    return replace(run, id=f"ramp{number}", left_rpm=FULL_RPM, right_rpm=FULL_RPM, start_s=START_S, log=log)
+
+
+def constant(number: int, begins_s: float) -> RunData:
+    run = recorded(moving(np.maximum(TIME - begins_s, 0.0), 2.0, 0.2), TIME)
+    return replace(run, id=f"constant{number}", start_s=START_S)
+
+
+def test_line_through_a_parabola_begins_at_a_quarter_of_the_sum_of_the_ends() -> None:
+    """The tangent at the middle m of a span meets 0 at m/2; the median of all slopes is that of the middle."""
+    begins = Onset(1.0, 0.01, (0.9, 1.3))
+    assert onset_after_start(ramp(), begins, 0.3) == pytest.approx((0.6 + 1.0) / 4, abs=0.01)
+    assert motors_on(ramp(), replace(begins, time_s=0.3 + (0.6 + 1.0) / 4)) == pytest.approx(0.3, abs=0.01)
+
+
+def test_motion_at_a_constant_command_is_expected_from_the_start_on() -> None:
+    begins = Onset(0.7, 0.01, (0.75, 1.1))
+    assert onset_after_start(constant(0, 0.7), begins, START_S) == 0.0
+    assert motors_on(constant(0, 0.7), begins) == 0.7
+    held = RunCommand(Command.constant(30.0, 20.0, START_S), logged=True)
+    assert onset_after_start(replace(constant(0, 0.7), log=held), begins, START_S) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("ramps", [1, 3])
+def test_a_slow_ramp_is_not_late_and_does_not_hide_a_run_that_is(ramps: int) -> None:
+    runs = [*(ramp(k) for k in range(ramps)), *(constant(k, START_S) for k in range(4)), constant(9, START_S + 0.8)]
+    (found,) = late_starts(runs, [ROBOT] * len(runs))
+    assert (found.run, found.kind) == ("constant9", "late-start")
+    assert found.correction is not None
+    assert found.correction.later_s == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_ramp_that_is_late_is_told_with_the_start_of_its_motors() -> None:
+    runs = [ramp(0, START_S + 1.5), *(constant(k, START_S) for k in range(4))]
+    (found,) = late_starts(runs, [ROBOT] * len(runs))
+    assert found.run == "ramp0"
+    assert found.correction is not None
+    assert found.correction.later_s == pytest.approx(1.5, abs=0.1)
