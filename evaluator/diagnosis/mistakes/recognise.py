@@ -11,7 +11,7 @@ from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_start
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.hypotheses import misread
-from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
 
@@ -20,14 +20,17 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
     robots: one per run, from their files. The last mistake may be of no run, and say that most of hundreds disagree
-    with their files and are not read wrongly. For robots of a metre only mistakes of most runs are accepted, because
-    the ground displaces a single run from the model as far as a mistake does.
+    with their files and are not read wrongly. On open ground only mistakes of most runs are accepted from a comparison
+    with the model, from which the ground displaces a single run as far as a mistake does, and from poses, which the
+    odometry or the laser scanner that they come from displaces as well.
     """
     unread: list[str] = []
+    by_model: set[tuple[str, Kind]] = set()
 
     def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
         read = misread(data, robots)
         unread.append(read.unread)
+        by_model.update((item.run, item.kind) for item in read.found)
         return read.found
 
     same = copies(data)
@@ -53,8 +56,14 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     doubtful = contradicting_copies(data, found)
     found, same = [*found, *doubtful], [*same, *doubtful]
     if any_full_size(robots):
-        kinds = [item.kind for item in found]
-        found = [item for item in found if item in same or kinds.count(item.kind) >= MOST * len(data)]
+        kinds, poses = [item.kind for item in found], {run.id for run in data if run.from_poses}
+        found = [
+            item
+            for item in found
+            if item in same
+            or not ((item.run, item.kind) in by_model or item.run in poses)
+            or kinds.count(item.kind) >= MOST * len(data)
+        ]
     said = [Mistake((), "outlying", sentence, everywhere=True) for sentence in unread[-1:] if sentence]
     return [*mistakes_of(found, len(data), {"sides-swapped": turning}), *said]
 

@@ -86,13 +86,25 @@ def test_runs_that_hardly_move_are_read_if_most_do_and_one_factor_slows_them(
     assert [len(ids) for name, ids in given if name in ("misread", "late_starts")] == [read] * 2
 
 
-@pytest.mark.parametrize(("wrong", "told"), [(8, 1), (7, 0)])
-def test_of_a_robot_of_a_metre_only_copies_and_what_concerns_four_fifths_of_its_runs_is_told(
-    wrong: int, told: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("search", "from_poses", "wrong", "told"),
+    [
+        ("wrong_scale", True, 8, 1),
+        ("wrong_scale", True, 7, 0),
+        ("wrong_scale", False, 1, 1),
+        ("disturbed_runs", False, 1, 1),  # a camera that moves by 40 mm is seen without any model
+        ("misread", False, 8, 1),
+        ("misread", False, 7, 0),
+    ],
+)
+def test_on_open_ground_single_runs_are_believed_if_marks_show_the_mistake_and_no_comparison_with_the_model(
+    search: str, from_poses: bool, wrong: int, told: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    searches(monkeypatch, lambda name, ids: {"copies": ids[:1], "wrong_scale": ids[:wrong]}.get(name, []))
-    found = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)
-    assert [item.kind for item in found] == ["duplicate", *["wrong-unit"] * told]
+    searches(monkeypatch, lambda name, ids: {"copies": ids[:1], search: ids[:wrong]}.get(name, []))
+    monkeypatch.setattr(module, "standing_runs", lambda *_: set())
+    runs = [replace(driven(number), from_poses=from_poses) for number in range(10)]
+    found = module.recognise(runs, [HUSKY] * 10)
+    assert [item.kind for item in found] == ["duplicate", *[SEARCHES[search]] * told]
 
 
 def test_that_most_of_hundreds_of_runs_are_not_read_wrongly_but_disagree_is_told_of_no_run(
