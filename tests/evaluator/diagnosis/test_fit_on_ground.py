@@ -66,11 +66,14 @@ class Late(Steps):
 DRIFT = Candidate("drift", (Coordinate("size", 0.0, 0.1, -10.0, 10.0),), lambda values: {"size": values[0]})
 
 
-def problem_of(world: Steps, length: float) -> Problem:
+def problem_of(world: Steps, length: float, *, from_poses: bool = True) -> Problem:
     """Three runs of the world at the truth, without noise; their features are the channels themselves."""
     time = np.linspace(0.0, 1.0, FRAMES)
     true = Steps(0.0).marks([Task(run, (0.0,) * 7, {}, {"drift": (TRUTH,)}) for run in range(3)])
-    data = tuple(RunData(str(run), 30.0, 60.0, 0.0, None, time, marks, run) for run, marks in enumerate(true))
+    data = tuple(
+        RunData(str(run), 30.0, 60.0, 0.0, None, time, marks, run, from_poses=from_poses)
+        for run, marks in enumerate(true)
+    )
     channels = tuple(np.column_stack([np.zeros(FRAMES)] * 4) for _ in data)
     for channel, marks in zip(channels, true, strict=True):
         channel[:, 0], channel[:, 1] = (marks[:, 0] + marks[:, 2]) / 2, (marks[:, 1] + marks[:, 3]) / 2
@@ -168,6 +171,14 @@ def test_runs_on_ground_have_a_start_of_their_own_but_no_friction_and_gains() ->
         assert (len(model.tau) > 1) == has
         assert model.logdet.min() == pytest.approx(0.0, abs=1e-6 if not has else 1e-3)
     assert len(OF_GROUND) == 4
+
+
+@pytest.mark.parametrize(("from_poses", "varied"), [(True, [0, 1, 2, 6]), (False, [0, 1, 2, 3, 6])])
+def test_runs_on_ground_whose_marks_a_camera_sees_have_a_friction_of_their_own(
+    from_poses: bool, varied: list[int]
+) -> None:
+    """On a slope, friction that differed by 10 % from run to run was named as one that varies over the plate."""
+    assert problem_of(Steps(0.0), 100.0, from_poses=from_poses).varied.tolist() == varied
 
 
 def test_a_parameter_that_no_run_shows_is_known_up_to_where_runs_are_worse_followed() -> None:

@@ -63,7 +63,7 @@ def test_shipped_robots_keep_the_steps_that_were_chosen_for_them(name: str) -> N
 
 
 @pytest.mark.parametrize(("times", "on_ground"), [(10.0, False), (15.0, False), (17.0, True)])
-def test_robot_of_some_centimetres_drives_on_a_plate_where_friction_differs_between_runs(
+def test_robot_of_some_centimetres_drives_on_a_plate_where_wheel_speeds_differ_between_runs(
     times: float, on_ground: bool
 ) -> None:
     robot = load_robot("barrel")
@@ -72,7 +72,7 @@ def test_robot_of_some_centimetres_drives_on_a_plate_where_friction_differs_betw
     large = robot.model_copy(update={"wheels": wheels})
     problem = Problem((), cast("Simulated", None), (), (), (), 1.0, size_of(large).length)
     assert is_full_size(large) == problem.open_ground == on_ground
-    assert (3 in problem.varied) != on_ground  # friction
+    assert (4 in problem.varied) != on_ground  # wheel speeds
 
 
 def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_and_its_load_beside_the_papers() -> None:
