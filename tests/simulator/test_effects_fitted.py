@@ -205,6 +205,16 @@ def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() ->
     assert draft.attraction_factor.tolist() == [0.25, 0.25, 1.0, 1.0]
 
 
+@pytest.mark.parametrize(("reach_mm", "most"), [(400.0, 0.0025), (1e4, 0.05 / 50)])
+def test_a_gradient_of_friction_may_double_it_within_reach(reach_mm: float, most: float) -> None:
+    """By the size of a robot 50 times as large alone, it ended at a bound of 0.001, and a true pair was lost."""
+    found = EFFECTS["friction-gradient"].candidate(Scene(reach_mm, (30.0,), Size(50.0)))
+    assert [(item.low, item.high) for item in found.coordinates] == [(pytest.approx(-most), pytest.approx(most))] * 2
+    assert found.coordinates[0].step == pytest.approx(1e-3 / 50)
+    paper = EFFECTS["friction-gradient"].candidate(Scene(40.0, (30.0,)))
+    assert paper.coordinates[1].high == 0.05
+
+
 def test_a_spring_is_fitted_in_its_stiffness_and_its_pull_at_the_origin() -> None:
     told = candidate("tether-spring").physical((0.02, 0.3, -0.1))
     assert told == pytest.approx({"stiffness_mN_mm": 0.02, "anchor_x_mm": 15.0, "anchor_y_mm": -5.0})

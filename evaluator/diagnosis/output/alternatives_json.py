@@ -63,9 +63,15 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
         return "an effect in it predicts commands left out no better than chance"
     if ids > chosen:
         return f"adding {', '.join(sorted(ids - chosen))} is not significant"
-    return (
-        f"makes the runs {_times(odds)} less probable" if odds < 0 else "it contains an effect that is not significant"
-    )
+    return f"makes the runs {_times(odds)} less probable" if odds < 0 else _refused(diagnosis, ids)
+
+
+def _refused(diagnosis: Diagnosis, ids: Set) -> str:
+    """Why a set that is more probable than the chosen one was not chosen."""
+    assert diagnosis.search is not None
+    if at_bounds := diagnosis.search.fits[ids].at_bounds:
+        return f"{' and '.join(sorted(at_bounds))} would be larger than is plausible: at a bound of the size"
+    return "it contains an effect that is not significant"
 
 
 def _times(odds: float) -> str:

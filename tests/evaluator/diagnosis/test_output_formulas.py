@@ -121,6 +121,9 @@ def test_pieces_carry_what_is_left_and_whether_they_were_held_out() -> None:
     assert (table["along_mm_s"].tolist(), table["after_along_mm_s"].tolist()) == ([1.0, 2.0], [0.1, 0.2])
 
 
+TOO_LARGE = "would be larger than is plausible: at a bound of the size"
+
+
 @pytest.mark.parametrize(
     ("chosen", "ids", "odds", "reason"),
     [
@@ -136,10 +139,15 @@ def test_a_rival_has_its_odds_and_the_reason_against_it(
 ) -> None:
     monkeypatch.setattr(alternatives_json, "strained", lambda *_: {"b", "a"})
     table = Standing((chosen, ids), np.array([7.0, 7.0 + odds]))
-    search = SimpleNamespace(fits={chosen: 0, ids: 1}, null=0, tolerance={}, problem=SimpleNamespace(open_ground=False))
+    rival = SimpleNamespace(at_bounds=frozenset[str]())
+    fits = {chosen: 0, ids: rival}
+    search = SimpleNamespace(fits=fits, null=0, tolerance={}, problem=SimpleNamespace(open_ground=False))
     found: Any = SimpleNamespace(standing=table, chosen=chosen, search=search)
     (said,) = alternatives_json.rivals(found)
     assert (said["effects"], said["reason"], said["strains"]) == (sorted(ids), reason, ["a", "b"])
+    rival.at_bounds = frozenset({"b"})
+    told = alternatives_json.rivals(found)[0]["reason"]
+    assert told == (reason if "not significant" not in reason or ids > chosen else f"b {TOO_LARGE}")
     assert said["log_odds"] == pytest.approx(odds, rel=1e-5)
     assert said["probability"] == pytest.approx(1 / (1 + math.exp(-odds)), abs=1e-4)
 
@@ -157,7 +165,8 @@ def test_on_open_ground_a_rival_that_fits_better_has_to_carry_over(
 ) -> None:
     monkeypatch.setattr(alternatives_json, "strained", lambda *_: set())
     monkeypatch.setattr(alternatives_json, "carries_over", lambda *_: carries)
-    search = SimpleNamespace(fits={A: 0, B: 1}, null=0, tolerance={}, problem=SimpleNamespace(open_ground=True))
+    fits = {A: 0, B: SimpleNamespace(at_bounds=())}
+    search = SimpleNamespace(fits=fits, null=0, tolerance={}, problem=SimpleNamespace(open_ground=True))
     found: Any = SimpleNamespace(standing=Standing((A, B), np.array([7.0, 7.0 + odds])), chosen=A, search=search)
     (said,) = alternatives_json.rivals(found)
     assert (said["reason"], said["carries_over"]) == (reason, carries)

@@ -115,7 +115,7 @@ def test_steps_and_bounds_have_the_dimension_of_their_unit() -> None:
         "tether-pull": 1e4,
         "mass-offset": 100.0,
         "viscous-drag": 100.0,
-        "friction-gradient": 0.01,
+        "camera-tilt": 0.01,
         "wheel-toe": 1,
     }
     for effect, ratio in ratios.items():
