@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.candidates.free_form import free_terms
@@ -17,6 +19,7 @@ from evaluator.diagnosis.likelihood.run_data import START_POSE, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.likelihood.variants import varies_by_run
 from evaluator.diagnosis.output.effect_tables import PATTERN_SUMS
+from evaluator.interchange.commands import RunCommand
 from evaluator.workflow.diagnosis.experiment import diagnose_experiment
 from simulator.command import Command
 from simulator.dynamics.model import compile_robot
@@ -121,6 +124,19 @@ def test_the_fastest_command_is_kept_aside_whose_direction_and_side_others_have(
 def test_of_three_commands_none_is_kept_aside_as_a_whole_but_the_middle_repetitions() -> None:
     runs = [(20.0, 20.0), (40.0, 40.0), *[(60.0, 60.0)] * 5, *[(40.0, 40.0)] * 5]
     assert held_out_runs(_runs(runs)) == (4, 9)  # the fourth of the six of 40 rpm, the third of the five of 60 rpm
+
+
+@pytest.mark.parametrize("repeated", [True, False])
+def test_the_only_run_that_drives_backward_in_a_part_of_its_log_is_fitted(repeated: bool) -> None:
+    """Its main command is that of others, and it would be the run held out."""
+    rpm = [(20.0, 10.0)] * 8 if repeated else [(20.0, 10.0 + k) for k in range(8)]
+    data = _runs(rpm)
+    (usual,) = held_out_runs(data)
+    left, right = rpm[usual]
+    log = RunCommand(Command.steps([(0.0, left, right), (2.0, -left, -right)]), logged=True)
+    data[usual] = replace(data[usual], log=log)
+    (held_out,) = held_out_runs(data)
+    assert held_out != usual
 
 
 def test_of_fewer_than_six_runs_none_is_held_out_and_of_six_one() -> None:
