@@ -43,6 +43,7 @@ class ImageSequence:
         self._stacked = not place.is_dir()
         self.expected_frames = count_images(place) if self._stacked else len(self._paths)
         self.expected_s: float | None = None
+        self.left_out_frames = 0  # as in `Recording`; all images are given
         self.threads = 0  # as in `Recording`; images are not decoded in threads
         self._duplicates: list[int] = []
         self._notes: list[str] = []

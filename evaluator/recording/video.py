@@ -267,8 +267,7 @@ class Recording:
         if self._standing:
             said = f"{counted(self._standing, 'frame')} {verb(self._standing, 'is', 'are')} left out"
             self._notes.append(f"{said}: their times are not after those before them")
-        left_out = self._standing + (self._packets.discarded if self._packets else 0)
-        if self.expected_frames > count + left_out:
+        if self.expected_frames > count + self.left_out_frames:
             self._notes.append(
                 f"the file announces {counted(self.expected_frames, 'frame')} but only {count} could be decoded"
             )
@@ -278,6 +277,11 @@ class Recording:
                 f"the file announces {self.expected_s:.4g} s, but the last frame that could be decoded is at"
                 f" {last_s:.4g} s"
             )
+
+    @property
+    def left_out_frames(self) -> int:
+        """Frames of the file that the last iteration left out: cut away by an edit list, or at a standing time."""
+        return self._standing + (self._packets.discarded if self._packets else 0)
 
     def report(self) -> TimingReport:
         """Summary of the times of the last iteration."""

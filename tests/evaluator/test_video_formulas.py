@@ -128,6 +128,7 @@ def test_frames_that_an_edit_takes_out_are_not_missing() -> None:
     played.tick, played.nominal_rate, played._packets = Fraction(1, 60), Fraction(60), SimpleNamespace(discarded=2)
     played._finish(6, 5)
     assert played.notes == []
+    assert played.left_out_frames == 2
 
 
 @pytest.mark.parametrize(

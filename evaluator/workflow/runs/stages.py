@@ -134,7 +134,7 @@ class _Stages:
             table = correct(table, corrections, str(self.run.corrections))
             by_hand = [f"{counted(len(corrections), 'mark')} placed or removed by hand ({self.run.corrections.name})"]
         report = recording.report()
-        _refuse_cut(report, recording.expected_frames, recording.expected_s, self.run.video)
+        _refuse_cut(recording, report, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
         write_marks(place_on_plate(table, self.camera, self._height_mm()), path)
         write_text(thumbnails, recording.to_json())
@@ -168,16 +168,19 @@ class _Stages:
         return [path], {"rows": rows or [comparison_row(measured[0], self.poses, seen, Turning())]}
 
 
-def _refuse_cut(report: TimingReport, promised: int, promised_s: float | None, video: Path) -> None:
+def _refuse_cut(recording: WithThumbnails, report: TimingReport, video: Path) -> None:
     """Refuse a truncated recording; single lost frames are harmless, because each frame has its own time.
 
-    promised: number of frames that the container states, else 0; promised_s: duration that it states, else None.
+    report: of the recording, which has been read.
     """
     if report.interval is None or report.last is None:
         return
-    there = 1 + round(report.last / report.interval)
-    if promised and promised - there > promised / 100:
-        promise = f"{report.frames} of the {promised} frames announced in the file are present"
+    # The commonest interval is longer than the mean one where a camera takes more frames a second for a while.
+    there = max(1 + round(report.last / report.interval), report.frames)
+    promised, promised_s = recording.expected_frames, recording.expected_s
+    shown = promised - recording.left_out_frames  # an edit list cuts frames away without removing them from the file
+    if promised and shown - there > promised / 100:
+        promise = f"{report.frames} of the {shown} frames announced in the file are present"
     elif not promised and promised_s and promised_s / report.interval - there > there / 100:
         promise = f"the file announces {promised_s:.2f} s"
     else:

@@ -97,26 +97,40 @@ def report(last_s: float) -> TimingReport:
     return TimingReport(frames, Fraction(0), (frames - 1) * rate, rate, (), (), variable=False, notes=())
 
 
+def as_read(promised: int, promised_s: float | None = None, left_out: int = 0) -> Any:
+    return SimpleNamespace(expected_frames=promised, expected_s=promised_s, left_out_frames=left_out)
+
+
 @pytest.mark.parametrize(
-    ("promised", "promised_s", "cut"),
+    ("promised", "promised_s", "left_out", "cut"),
     [
-        (302, None, False),  # 299 are there: of 302 three are not
-        (304, None, True),
-        (0, 5.03, False),  # 302 intervals
-        (0, 5.05, True),
-        (302, 9.0, False),  # frames are counted where both are said
-        (0, None, False),
+        (302, None, 0, False),  # 299 are there: of 302 three are not
+        (304, None, 0, True),
+        (0, 5.03, 0, False),  # 302 intervals
+        (0, 5.05, 0, True),
+        (302, 9.0, 0, False),  # frames are counted where both are said
+        (0, None, 0, False),
+        (0, None, 5, False),
+        (360, None, 60, False),  # a phone cut the first second away
+        (360, None, 50, True),
     ],
 )
 def test_a_recording_of_which_a_hundredth_is_missing_at_its_end_is_refused(
-    promised: int, promised_s: float | None, *, cut: bool
+    promised: int, promised_s: float | None, left_out: int, *, cut: bool
 ) -> None:
-    there = report(298 / 60)
+    there, recording = report(298 / 60), as_read(promised, promised_s, left_out)
     if cut:
         with pytest.raises(InputError, match=r"cut off after 4\.97 s"):
-            _refuse_cut(there, promised, promised_s, VIDEO)
+            _refuse_cut(recording, there, VIDEO)
     else:
-        _refuse_cut(there, promised, promised_s, VIDEO)
+        _refuse_cut(recording, there, VIDEO)
+
+
+def test_a_recording_whose_frames_are_all_there_is_whole_although_most_intervals_are_longer_than_the_mean() -> None:
+    """A phone that takes 24 frames a second in the dark and 30 in the light: 60 and 40 frames."""
+    last = Fraction(60, 24) + Fraction(40, 30)
+    there = TimingReport(101, Fraction(0), last, Fraction(1, 24), (), (), variable=True, notes=())
+    _refuse_cut(as_read(101), there, VIDEO)
 
 
 @pytest.mark.parametrize(
