@@ -77,7 +77,7 @@ def assign_grid(dots: Dots) -> Lattice:
         best = _completed(dots, best)
         slanted = best if equal else _completed(dots, slanted)
         best = slanted if len(slanted) > len(best) else best
-    if not len(best):
+    if not len(best) or np.linalg.matrix_rank(best.index - best.index[0]) < 2:  # a single row is no array
         return NO_LATTICE
     best = _without_specks(dots, replace(best, index=_reduced(points[best.dot], best.index)))
     keep = regular(points[best.dot], dots.covariance_px2[best.dot], best.index)

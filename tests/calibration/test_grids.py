@@ -9,6 +9,7 @@ from calibration.assignment.array_in_image import find_array
 from calibration.assignment.lattice import assign_grid, rows_and_columns
 from calibration.detection.dots import detect_dots
 from tests.calibration.grid_images import GridImage, draw_grid, grid_images, loose_circles
+from tests.calibration.known_dots import dots_at
 
 
 def whole_error_px(image: GridImage) -> float:
@@ -53,3 +54,15 @@ def test_few_dots_whose_steps_shrink_by_a_third_are_found_at_a_second_look() -> 
 def test_loose_circles_form_no_grid_of_their_number() -> None:
     for seed in range(5):
         assert len(find_array(loose_circles(np.random.default_rng(seed)))[1]) < 8
+
+
+def test_dots_of_a_single_row_form_no_array() -> None:
+    """Eight dots of one row of a gauge and ten specks, as one window of the search found them behind a strong lens."""
+    row = [(442.3, 313.6), (372.9, 359.3), (350.3, 372.6), (485.9, 280.4), (464.5, 297.0), (328.4, 384.6)]
+    row += [(396.0, 344.9), (312.7, 372.3)]
+    specks = [(547.4, 434.4), (185.5, 470.0), (627.1, 394.9), (621.4, 386.2), (628.0, 320.1), (393.3, 310.0)]
+    specks += [(365.5, 139.5), (285.7, 201.9), (379.5, 137.5), (129.3, 97.3)]
+    diameter = [8.98, 8.71, 8.44, 8.75, 8.95, 8.06, 8.95, 8.81]
+    diameter += [2.67, 2.25, 3.18, 3.28, 3.38, 3.86, 4.52, 3.91, 6.47, 4.0]
+    dots = dots_at(np.array(row + specks), (640, 480), diameter_px=np.array(diameter))
+    assert len(assign_grid(dots)) == 0
