@@ -14,6 +14,9 @@ from evaluator.recording.frame import Frame, Plane
 # Planar formats whose planes are used without conversion: names without the depth suffix.
 PLANAR = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "yuv440p", "yuv411p", "yuv410p")
 KINDS = {1: "I", 2: "P", 3: "B"}
+# Codecs whose standards put the samples of colour at the even columns of the luma if a stream does not say where: H.264
+# and HEVC (annex E, chroma_sample_loc_type), MPEG-2 and MPEG-4 visual.
+COSITED = ("h264", "hevc", "mpeg2video", "mpeg4")
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Layout:
     """Memory layout common to all frames of a recording.
 
     name, width, height: of the decoder's frames. target: format of a necessary conversion, if any. depth: bits of a
-    sample after that. shapes: of its planes, (rows, columns).
+    sample after that. shapes: of its planes, (rows, columns). cosited: as in `Frame`.
     """
 
     name: str
@@ -32,10 +35,11 @@ class Layout:
     full_range: bool
     matrix: str
     shapes: tuple[tuple[int, int], ...]
+    cosited: bool = False
 
     @classmethod
-    def of(cls, image: Any) -> Self:
-        """The layout of a decoded frame."""
+    def of(cls, image: Any, codec: str = "") -> Self:
+        """The layout of a decoded frame; codec: as FFmpeg names it."""
         name = image.format.name
         depth = image.format.components[0].bits
         base = name.split("p1")[0] + "p" if depth > 8 else name
@@ -49,7 +53,8 @@ class Layout:
         matrix = "bt709" if image.colorspace == 1 and target is None else "bt601"
         planes = (image if target is None else image.reformat(format=target)).planes
         shapes = tuple((plane.height, plane.width) for plane in planes)
-        return cls(name, image.width, image.height, target, depth, full, matrix, shapes)
+        cosited = target is None and codec in COSITED
+        return cls(name, image.width, image.height, target, depth, full, matrix, shapes, cosited)
 
     def fits(self, image: Any) -> bool:
         """Whether a frame has this layout."""
@@ -67,7 +72,8 @@ class Layout:
         u, v = (planes[1], planes[2]) if len(planes) >= 3 else (None, None)
         repeated = before is not None and _same(before.luma, planes[0])
         return Frame(
-            index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, repeated, image
+            index, ticks, tick, planes[0], u, v, self.depth, self.full_range, self.matrix, 0, 1, kind, repeated, image,
+            self.cosited,
         )  # fmt: skip
 
     def _view(self, plane: Any, shape: tuple[int, int]) -> Plane:

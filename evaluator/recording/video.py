@@ -155,7 +155,7 @@ class Recording:
                 if layout is None:
                     self._notes.extend(_turned_by_viewers(image))
                 if layout is None or not layout.fits(image):
-                    layout = Layout.of(image)
+                    layout = Layout.of(image, videos_of(container)[0].codec_context.name)
                 frame = layout.frame(image, index, ticks - origin, self.tick, frame)
                 index += 1
                 yield frame

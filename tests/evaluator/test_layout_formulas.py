@@ -47,6 +47,21 @@ def test_planes_are_used_as_they_are_or_converted_without_loss(
     assert layout.fits(image)
 
 
+@pytest.mark.parametrize(
+    ("name", "codec", "cosited"),
+    [("yuv420p", "h264", True), ("yuv420p10le", "hevc", True), ("yuvj420p", "mjpeg", False), ("nv12", "h264", False)],
+)
+def test_samples_of_colour_are_at_the_even_columns_by_the_standards_of_video(
+    name: str, codec: str, *, cosited: bool
+) -> None:
+    """NV12 is converted to full resolution by FFmpeg, which takes them to be midway."""
+    image: Any = SimpleNamespace(width=64, height=48, color_range=1, colorspace=1)
+    image.format = SimpleNamespace(name=name, components=[SimpleNamespace(bits=10 if "10" in name else 8)])
+    image.planes = [SimpleNamespace(height=48, width=64)]
+    image.reformat = lambda **_: image
+    assert Layout.of(image, codec).cosited == cosited
+
+
 def test_kinds_of_frames_are_those_of_the_codec() -> None:
     assert {PictureType[kind].value: kind for kind in "IPB"} == KINDS
 

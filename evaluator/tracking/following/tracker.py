@@ -10,6 +10,7 @@ from evaluator.errors import InputError
 from evaluator.recording import Frame
 from evaluator.tracking.camera_motion import CameraMotion
 from evaluator.tracking.detection.appearance import Appearance, learn_color, learn_shape, patch_of
+from evaluator.tracking.detection.chroma_siting import first_column
 from evaluator.tracking.detection.color_map import allowed_cells, cell_of, neutral_of
 from evaluator.tracking.detection.find import Reading, find_marks
 from evaluator.tracking.detection.lookalikes import Rivals
@@ -153,7 +154,8 @@ class Tracker:
             raise InputError(f"{self._source} has no colour: coloured marks cannot be distinguished in it")
         across, down = cell_of(frame)
         step = frame.row_step
-        self.cell = np.array([across, down * step, (across - 1) / 2, frame.row_origin + (down - 1) / 2 * step], float)
+        left, top = first_column(frame), frame.row_origin + (down - 1) / 2 * step
+        self.cell = np.array([across, down * step, left, top], float)
         self._search = Search(frame, self.settings, self.cell)
         self._shape = frame.luma.shape
 

@@ -165,8 +165,8 @@ def _measured(
     across, down = round(cell[0]), round(cell[1] / frame.row_step)
     x0, y0 = part[1].start * across, part[0].start * down
     luma = frame.luma[y0 : part[0].stop * down, x0 : part[1].stop * across].astype(np.float32)
-    # Luma sample i lies at (i - (across - 1) / 2) / across chroma samples from the first one of this part.
-    to_chroma = np.array([[1 / across, 0, (1 / across - 1) / 2], [0, 1 / down, (1 / down - 1) / 2]])
+    # Column i of the luma lies (i - cell[2]) / across chroma samples from the first one of this part.
+    to_chroma = np.array([[1 / across, 0, -cell[2] / across], [0, 1 / down, (1 / down - 1) / 2]])
     size = luma.shape[1], luma.shape[0]
 
     def upsampled(plane: Single) -> Single:
