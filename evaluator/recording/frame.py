@@ -26,9 +26,10 @@ class Frame:
     full frame (a field has row_step 2). u, v: the colour planes, subsampled by whole factors, or None for a grey
     recording. depth: bits of a sample. full_range: luma spans the whole of its range rather than 16/256 to 235/256 of
     it. matrix: "bt601" or "bt709". kind: "I", "P" or "B" if the codec states how it stored the frame, else "".
-    repeated: equal to the frame before. owner: keeps the decoder's buffer alive. cosited: whether the codec's standard
-    puts the samples of u and v at the even columns of the luma, rather than midway between two, unless a stream states
-    otherwise. The planes are views: copy what must outlive the frame.
+    repeated: equal to the frame before. owner: keeps the decoder's buffer alive. cosited: whether the samples of u and
+    v lie at the even columns of the luma, as cameras have it in H.264 and HEVC, rather than midway between two, as JPEG
+    has it; None where a program wrote the file, which may do either. The planes are views: copy what must outlive the
+    frame.
     """
 
     index: int
@@ -45,7 +46,7 @@ class Frame:
     kind: str
     repeated: bool
     owner: object
-    cosited: bool = False
+    cosited: bool | None = False
 
     @property
     def time(self) -> Fraction:

@@ -15,8 +15,11 @@ from evaluator.recording.frame import Frame, Plane
 PLANAR = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "yuv440p", "yuv411p", "yuv410p")
 KINDS = {1: "I", 2: "P", 3: "B"}
 # Codecs whose standards put the samples of colour at the even columns of the luma if a stream does not say where: H.264
-# and HEVC (annex E, chroma_sample_loc_type), MPEG-2 and MPEG-4 visual.
+# and HEVC (annex E, chroma_sample_loc_type), MPEG-2 and MPEG-4 visual. Cameras follow them; programs that convert RGB
+# (OpenCV, FFmpeg's scaler) write samples that lie midway.
 COSITED = ("h264", "hevc", "mpeg2video", "mpeg4")
+BY_CAMERAS = ("h264", "hevc")  # today: MPEG-2 and MPEG-4 visual are mostly written by programs
+PROGRAM = (b"x264", b"x265")  # encoders that name themselves in the first frame of a stream
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Layout:
     full_range: bool
     matrix: str
     shapes: tuple[tuple[int, int], ...]
-    cosited: bool = False
+    cosited: bool | None = False
 
     @classmethod
     def of(cls, image: Any, codec: str = "") -> Self:
@@ -53,7 +56,7 @@ class Layout:
         matrix = "bt709" if image.colorspace == 1 and target is None else "bt601"
         planes = (image if target is None else image.reformat(format=target)).planes
         shapes = tuple((plane.height, plane.width) for plane in planes)
-        cosited = target is None and codec in COSITED
+        cosited = _cosited(image, codec) if target is None else False
         return cls(name, image.width, image.height, target, depth, full, matrix, shapes, cosited)
 
     def fits(self, image: Any) -> bool:
@@ -80,6 +83,15 @@ class Layout:
         kind, size = (np.uint16, 2) if self.depth > 8 else (np.uint8, 1)
         # Kernels are compiled for contiguous planes; copying a padded plane takes less time than compiling for it.
         return np.ascontiguousarray(np.ndarray(shape, kind, plane, 0, (plane.line_size, size)))
+
+
+def _cosited(image: Any, codec: str) -> bool | None:
+    """Whether the samples of colour lie at the even columns of the luma; as in `Frame`."""
+    if codec not in COSITED:
+        return False
+    said = (bytes(part) for part in image.side_data if part.type.name == "SEI_UNREGISTERED")
+    by_program = any(name in text for text in said for name in PROGRAM)
+    return None if by_program or codec not in BY_CAMERAS else True
 
 
 def _same(one: Plane, other: Plane) -> bool:

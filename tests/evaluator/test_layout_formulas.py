@@ -48,18 +48,30 @@ def test_planes_are_used_as_they_are_or_converted_without_loss(
 
 
 @pytest.mark.parametrize(
-    ("name", "codec", "cosited"),
-    [("yuv420p", "h264", True), ("yuv420p10le", "hevc", True), ("yuvj420p", "mjpeg", False), ("nv12", "h264", False)],
+    ("name", "codec", "said", "cosited"),
+    [
+        ("yuv420p", "h264", "", True),
+        ("yuv420p10le", "hevc", "of a maker", True),
+        ("yuv420p", "h264", "x264 - core 165", None),
+        ("yuv420p", "hevc", "x265 (build 216)", None),
+        ("yuv420p", "mpeg4", "", None),
+        ("yuvj420p", "mjpeg", "", False),
+        ("nv12", "h264", "", False),
+    ],
 )
-def test_samples_of_colour_are_at_the_even_columns_by_the_standards_of_video(
-    name: str, codec: str, *, cosited: bool
+def test_samples_of_colour_are_at_the_even_columns_in_the_video_of_a_camera(
+    name: str, codec: str, said: str, *, cosited: bool | None
 ) -> None:
     """NV12 is converted to full resolution by FFmpeg, which takes them to be midway."""
-    image: Any = SimpleNamespace(width=64, height=48, color_range=1, colorspace=1)
+
+    class Said(bytes):
+        type = SimpleNamespace(name="SEI_UNREGISTERED")
+
+    image: Any = SimpleNamespace(width=64, height=48, color_range=1, colorspace=1, side_data=[Said(said.encode())])
     image.format = SimpleNamespace(name=name, components=[SimpleNamespace(bits=10 if "10" in name else 8)])
     image.planes = [SimpleNamespace(height=48, width=64)]
     image.reformat = lambda **_: image
-    assert Layout.of(image, codec).cosited == cosited
+    assert Layout.of(image, codec).cosited is cosited
 
 
 def test_kinds_of_frames_are_those_of_the_codec() -> None:

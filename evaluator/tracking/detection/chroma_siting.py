@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.robust import PER_MEDIAN
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -27,28 +28,29 @@ LEAST = 0.25  # levels of 8 bits a sample, mean change of the colour in a window
 UNEXPLAINED = 0.3
 EDGES = 0.17  # px, standard deviation: a camera's gamma moves the flanks of luma and colour apart at a single edge
 QUANTIZED = 0.5  # levels² of a sample: rounding, and what a codec leaves
-AGREES = 0.2  # px: farther from both places, what is measured is not the place of the samples
+AGREES = 0.2  # px: farther from both places, or less certain, what is measured is not the place of the samples
+FEWEST = 4  # windows
+OF_MEDIAN = 1.25  # standard error of a median over that of a mean, for normal errors
 # Means over the pixels about the middle between columns 2k and 2k + 1, with equal blur: luma, and slope per pixel.
 SMOOTH = np.array([[1.0, 7.0, 7.0, 1.0]], np.float32) / 16.0
 SLOPE = np.array([[-1.0, -3.0, 3.0, 1.0]], np.float32) / 6.0
 
 
 def first_column(frame: Frame) -> float:
-    """Column of the luma at which the first sample of the colour planes lies, px.
-
-    MIDWAY between the columns that the sample covers, unless the codec's standard puts it elsewhere and no edge in the
-    frame contradicts.
-    """
+    """Column of the luma at which the first sample of the colour planes lies, px; see `Frame.cosited`."""
     assert frame.u is not None
     across = int(-(-frame.luma.shape[1] // frame.u.shape[1]))
-    if across != 2 or not frame.cosited:
+    if across != 2 or frame.cosited is False:
         return (across - 1) / 2
-    distance = _distance_px(frame)
-    return MIDWAY if distance is not None and abs(distance) < AGREES else COSITED
+    usual = COSITED if frame.cosited else MIDWAY
+    distance, sigma = _distance_px(frame)
+    if sigma > AGREES / 2:
+        return usual
+    return next((place for place in (MIDWAY, COSITED) if abs(MIDWAY + distance - place) < AGREES), usual)
 
 
-def _distance_px(frame: Frame) -> float | None:
-    """Distance of the samples of the colour planes from the middle between two columns, px; None without evidence."""
+def _distance_px(frame: Frame) -> tuple[float, float]:
+    """Distance of the samples of the colour planes from the middle between two columns, px, and its standard error."""
     assert frame.u is not None
     assert frame.v is not None
     luma = _of_rows(frame)
@@ -62,12 +64,13 @@ def _distance_px(frame: Frame) -> float | None:
         for plane in planes
         if (one := _in_window(plane[window], smooth[window], slope[window])) is not None
     ]
-    if not distances:
-        return None
-    distance, variance = np.array(distances).T
-    order = np.argsort(distance)
-    weight = np.cumsum(1.0 / variance[order])
-    return float(distance[order][np.searchsorted(weight, weight[-1] / 2.0)])
+    if len(distances) < FEWEST:
+        return 0.0, np.inf
+    distance, variance = np.array(sorted(distances)).T
+    weight = np.cumsum(1.0 / variance)
+    median = float(distance[np.searchsorted(weight, weight[-1] / 2.0)])
+    spread = PER_MEDIAN * float(np.median(np.abs(distance - median)))
+    return median, OF_MEDIAN * max(spread, EDGES) / np.sqrt(len(distances))
 
 
 def _of_rows(frame: Frame) -> Single:

@@ -18,7 +18,7 @@ from tests.evaluator.tracking.synthetic import BLACK, GREEN, LUMA, PLATE, YELLOW
 SITED = {COSITED: (0.0, 0.25, 0.5, 0.25), MIDWAY: (0.0, 0.0, 0.5, 0.5)}
 
 
-def stored(image: NDArray[np.float64], place: float, *, cosited: bool = True, down: int = 2) -> Frame:
+def stored(image: NDArray[np.float64], place: float, *, cosited: bool | None = True, down: int = 2) -> Frame:
     """A frame whose colour planes are sampled with their samples at a place."""
     luma = image @ LUMA
     u, v = 128 + (image[..., 2] - luma) / 1.772, 128 + (image[..., 0] - luma) / 1.402
@@ -42,16 +42,18 @@ def robot(body: tuple[int, int, int], marks: dict[tuple[int, int, int], tuple[fl
 
 @pytest.mark.parametrize("down", [1, 2])  # 4:2:2 and 4:2:0
 @pytest.mark.parametrize("place", [COSITED, MIDWAY])
-def test_place_of_the_samples_is_told_from_two_marks(place: float, down: int) -> None:
+@pytest.mark.parametrize("usual", [True, None])
+def test_place_of_the_samples_is_told_from_two_marks(place: float, down: int, *, usual: bool | None) -> None:
     image = robot(BLACK, {GREEN: (60.3, 50.8), YELLOW: (97.6, 61.1)})
-    assert first_column(stored(image, place, down=down)) == place
+    assert first_column(stored(image, place, cosited=usual, down=down)) == place
 
 
-def test_samples_are_where_the_standard_of_the_codec_puts_them_if_the_image_does_not_tell() -> None:
+def test_samples_are_in_their_usual_place_if_the_image_does_not_tell() -> None:
     grey = np.tile(np.array(PLATE, float), (48, 64, 1))
     assert first_column(stored(grey, MIDWAY)) == COSITED
+    assert first_column(stored(grey, MIDWAY, cosited=None)) == MIDWAY
     assert first_column(stored(grey, MIDWAY, cosited=False)) == MIDWAY
-    image = robot(BLACK, {GREEN: (60.3, 50.8)})
+    image = robot(BLACK, {GREEN: (60.3, 50.8), YELLOW: (97.6, 61.1)})
     assert first_column(stored(image, COSITED, cosited=False)) == MIDWAY
 
 

@@ -168,6 +168,7 @@ def test_a_chroma_sample_lies_amid_the_pixels_that_it_colours(
     monkeypatch.setattr(tracker, "Search", lambda *_: None)
     one, planes = Tracker(TrackingSettings()), np.zeros((10, 12), np.uint8)
     seen: Any = SimpleNamespace(luma=planes, u=planes[::2, ::2], v=planes[::2, ::2], row_origin=origin, row_step=step)
+    seen.cosited = False
     one._prepare(seen)
     assert one.cell == pytest.approx(cell)
 
