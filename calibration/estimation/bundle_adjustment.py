@@ -198,8 +198,12 @@ def solve(views: list[View], start: State, prior: Prior, *, steps: int = STEPS) 
 
 
 def outliers(fit: Fit) -> list[NDArray[np.bool_]]:
-    """Dots to keep, per view: those within OUTLIER robust standard deviations."""
-    scale = robust_scale(fit.whitened)
+    """Dots to keep, per view: those within OUTLIER robust standard deviations, or of their own uncertainty.
+
+    Where glare or defocus makes most dots of an image uncertain, their residuals are often smaller than stated. The
+    scale is then below 1, and falls with every round: good dots of other images are beyond it, but not wrong.
+    """
+    scale = max(robust_scale(fit.whitened), 1.0)
     return [np.hypot(r[:, 0], r[:, 1]) < OUTLIER * scale for r in fit.whitened]
 
 

@@ -133,6 +133,14 @@ def test_dots_beyond_five_robust_sigmas_are_left_out() -> None:
     assert np.flatnonzero(~outliers(fit)[0]).tolist() == [4]
 
 
+def test_dots_within_five_of_their_own_sigmas_stay_however_good_the_others_are() -> None:
+    """Residuals of most dots, which a glare makes uncertain, are a quarter of what they state."""
+    white = np.tile([[0.25, 0.0]], (99, 1))
+    white[3], white[4] = [0.0, 4.9], [3.54, 3.54]
+    fit: Any = SimpleNamespace(whitened=[white])
+    assert np.flatnonzero(~outliers(fit)[0]).tolist() == [4]
+
+
 def test_residual_of_a_calibration_is_the_root_mean_square_of_both_coordinates_of_all_images() -> None:
     found: Any = SimpleNamespace(fit=SimpleNamespace(residual_px=[np.array([[3.0, 4.0]]), np.array([[0.0, 5.0]])]))
     get = Calibration.rms_px.fget
