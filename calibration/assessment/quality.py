@@ -251,7 +251,13 @@ def _notes(calibration: Calibration) -> list[str]:
         )
     notes += _flatness_notes(calibration)
     plate, gauge = calibration.sightings[0], calibration.gauge
-    if not plate.match.certain and len(plate.match) == int(gauge.present().sum()):
+    if not plate.match.certain and gauge.fiducial:
+        notes.append(
+            f"{plate.name}: the fiducials fit in more than one way, because the array is symmetric or partly out of "
+            "view, so the origin of the plate frame may be another dot and x may point the other way (lengths and "
+            "radii are not affected); take this image with more of the array in view"
+        )
+    elif not plate.match.certain and len(plate.match) == int(gauge.present().sum()):
         notes.append(
             f"{plate.name}: the array is symmetric and has no fiducial, so the direction of x and y was "
             "chosen arbitrarily (lengths and radii are not affected)"

@@ -267,7 +267,8 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         for other in placements
         if other.score >= best.score and other.likeness >= best.likeness - THREE_SIGMAS_SQUARED
     ]
-    # placements turned by half a turn: one is excluded by convention, several differ by a shift as well
+    # placements turned by half a turn: one is excluded by convention, several differ by a shift as well; fiducials that
+    # fit both ways, because the view is cut, leave open which of them is the first
     opposite = [other for other in as_good if np.array_equal(other.turn, -best.turn)]
     rivals = [
         other
@@ -280,7 +281,7 @@ def _matched(best: _Placement, placements: list[_Placement], lattice: Lattice, g
         dot=lattice.dot[np.array(chosen, dtype=np.int64)],
         column=np.array(columns, dtype=np.int64),
         row=np.array(rows, dtype=np.int64),
-        certain=not rivals and len(opposite) <= 1,
+        certain=not rivals and len(opposite) <= (0 if gauge.fiducial else 1),
         unseen=best.empty_inside,
         foreign=foreign,
     )

@@ -219,6 +219,16 @@ def test_a_part_of_a_gauge_is_placed_where_it_ends_and_uncertain_where_it_does_n
             assert match_gauge(dots, found, MARKED).foreign == count
 
 
+@pytest.mark.parametrize(("first", "certain"), [(2, False), (1, True)])
+def test_fiducials_that_fit_both_ways_in_a_cut_view_do_not_name_the_origin(first: int, *, certain: bool) -> None:
+    """Fiducials in columns 4 and 6 of 9: turned by half a turn, columns 2 to 8 are 8 to 2, but 1 would be a tenth."""
+    equal = gauge_of(columns=9, rows=7, fiducial=[{"column": k, "row": 3, "diameter_mm": 1.8} for k in (4, 6)])
+    dots, found, _ = view(equal, keep=places(9, 7)[:, 0] >= first)
+    left = 105.0 + 20.0 * first  # the border of the image, 15 px before the first column in view
+    cut = dots_at(dots.centers_px - [left, 0.0], (295 - round(left), 300), diameter_px=dots.diameter_px)
+    assert match_gauge(cut, found, equal).certain == certain
+
+
 def test_features_are_sizes_and_colours_in_their_scatter() -> None:
     colored = gauge_of(columns=9, rows=7, fiducial=[{"column": 0, "row": 0, "color": "red", "diameter_mm": 2.4}])
     promised = features_promised(colored, 4)

@@ -186,6 +186,8 @@ def test_an_image_that_was_left_out_and_an_origin_that_may_be_off_by_a_pitch_are
     notes = _notes(calibration(sightings=(whole,) * 5))
     assert "the direction of x and y was chosen arbitrarily" in notes[-1]  # all of a symmetric array is seen
     assert not any("whole pitches" in note for note in notes)
+    either = gauge_of(fiducial=[{"column": 4, "row": 4, "diameter_mm": 1.8}])
+    assert "x may point the other way" in _notes(calibration(sightings=(unsure,) * 5, gauge=either))[-1]
 
 
 @pytest.mark.parametrize("percent", [0.0, 0.1])
