@@ -40,7 +40,8 @@ class Poses:
     time_s, x_mm, y_mm, heading_rad: (n,). covariance: (n, 3, 3) of (x, y, heading), random from frame to frame.
     systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
     frames: of the camera, and of the marks' centres if they come from images; None without a camera. spacing_mm: (n,)
-    measured distance of the two marks that are farthest apart. For a robot with a single mark, x_mm and y_mm are the
+    measured distance of the two marks that are farthest apart; spacing_sigma_mm: (n,) its standard uncertainty, from
+    those of the marks. For a robot with a single mark, x_mm and y_mm are the
     positions of this mark, and there is no heading.
     """
 
@@ -53,10 +54,12 @@ class Poses:
     spacing_mm: Array = field(default_factory=lambda: np.empty(0))
     geometry: MarkGeometry | None = None
     systematic: Array | None = None
+    spacing_sigma_mm: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "spacing_mm", "systematic"):
+        names = ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "spacing_mm", "systematic", "spacing_sigma_mm")
+        for name in names:
             value = getattr(self, name)
             if value is not None:
                 array = np.array(value, dtype=float)
@@ -100,6 +103,21 @@ class Poses:
         nominal = self.geometry.spacing_mm
         # 1.2533: the standard error of a median of Gaussian values is sqrt(pi/2) times that of their mean.
         return float(np.median(spacing) / nominal), float(1.2533 * scatter / np.sqrt(len(spacing)) / nominal)
+
+    def spacing_scatter(self) -> tuple[float, float]:
+        """Scatter of the distance of the marks over the distance, and over what the marks' uncertainties state.
+
+        The distance on a rigid robot is constant: a second ratio above 1 shows errors that are not stated, for example
+        of a mark that is partly hidden. NaN, NaN without two marks.
+        """
+        if len(self.spacing_mm) != len(self.time_s) or len(self.spacing_sigma_mm) != len(self.time_s):
+            return float("nan"), float("nan")
+        there = self.measured & np.isfinite(self.spacing_mm) & np.isfinite(self.spacing_sigma_mm)
+        if there.sum() < 2:
+            return float("nan"), float("nan")
+        spacing = self.spacing_mm[there]
+        scatter = robust_sigma(spacing)
+        return float(scatter / np.median(spacing)), float(scatter / np.median(self.spacing_sigma_mm[there]))
 
 
 def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera | None = None) -> Poses:
@@ -151,6 +169,7 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
         spacing_mm=spacing,
         geometry=geometry,
         systematic=systematic,
+        spacing_sigma_mm=_spacing_sigma(points, covariances, geometry),
     )
 
 
@@ -189,6 +208,15 @@ def _spacing(points: Array, geometry: MarkGeometry) -> Array:
     """Distance (n,) of the two marks that are farthest apart on the robot."""
     first, second = (geometry.names.index(name) for name in geometry.farthest_pair())
     return np.asarray(np.hypot(*(points[:, first] - points[:, second]).T))
+
+
+def _spacing_sigma(points: Array, covariances: Array, geometry: MarkGeometry) -> Array:
+    """Standard uncertainty (n,) of `_spacing`."""
+    first, second = (geometry.names.index(name) for name in geometry.farthest_pair())
+    apart = points[:, first] - points[:, second]
+    along = apart / np.hypot(*apart.T)[:, None]
+    variance = np.einsum("na,nab,nb->n", along, covariances[:, first] + covariances[:, second], along)
+    return np.asarray(np.sqrt(variance))
 
 
 def _status(marks: pd.DataFrame, names: Sequence[str], points: Array) -> NDArray[np.object_]:

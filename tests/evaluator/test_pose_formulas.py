@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -226,6 +228,19 @@ def test_ratio_needs_geometry_distances_and_two_frames() -> None:
     fields = {name: getattr(two, name) for name in ("time_s", "x_mm", "y_mm", "heading_rad", "covariance", "status")}
     assert np.isnan(Poses(**fields, spacing_mm=two.spacing_mm).spacing_ratio()).all()
     assert np.isnan(Poses(**fields, geometry=LOPSIDED).spacing_ratio()).all()
+
+
+def test_scatter_of_the_distance_is_told_over_the_distance_and_over_what_the_marks_state() -> None:
+    """Each mark is known to 0.01 mm along the line between them; across, nothing counts."""
+    spacing = 4.0 + 0.1 * np.resize([-1.0, 1.0], 40)
+    stated = {f"{name}_x_sigma_mm": 0.01 for name in ("green", "yellow")}
+    stated |= {f"{name}_y_sigma_mm": 0.5 for name in ("green", "yellow")}
+    marks, geometry = at_rest(spacing).assign(**stated), MarkGeometry((2.0, 0.0), (-2.0, 0.0))
+    scatter = 1.4826 * 0.1
+    assert poses_from_marks(marks, geometry).spacing_scatter() == pytest.approx((scatter / 4, scatter / sqrt(2e-4)))
+    assert np.isnan(poses_from_marks(marks.iloc[:1], geometry).spacing_scatter()).all()
+    alone = poses_from_marks(table()[["time_s", "green_x_mm", "green_y_mm"]], MarkGeometry(green=(2.0, 0.0)))
+    assert np.isnan(alone.spacing_scatter()).all()
 
 
 def resting(places: dict[str, tuple[float, float]], frames: int) -> pd.DataFrame:

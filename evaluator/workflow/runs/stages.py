@@ -151,7 +151,8 @@ class _Stages:
             raise InputError(f"no frame has a pose ({reasons[counts.argmax()]}); does it show {wanted}?")
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
-        return [path], {"rows": rows_of(self.phases, self.poses, robot_shape(self.job.robot))}
+        rows = rows_of(self.phases, self.poses, robot_shape(self.job.robot))
+        return [path], {"rows": rows, "spacing_scatter": self.poses.spacing_scatter()}
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
         assert isinstance(self.job.robot, Robot)  # jobs with simulation have a complete robot

@@ -17,7 +17,7 @@ from evaluator.recording import TimingReport
 from evaluator.recording.frame import Frame
 from evaluator.recording.video import Recording
 from evaluator.settings import Run
-from evaluator.workflow.runs.job import _notes
+from evaluator.workflow.runs.job import _notes, _spacing_notes
 from evaluator.workflow.runs.stages import _refuse_cut, _refuse_unseen
 from evaluator.workflow.turning_tables import Ruler, together
 from evaluator.workflow.viewing.cameras import light_of
@@ -36,6 +36,16 @@ def test_marks_that_are_three_percent_from_where_they_should_be_are_remarked(rat
     notes = list(_notes(run(), {}, {"mark_spacing_ratio": ratio}))
     assert bool(notes) == bool(said)
     assert said in "".join(notes)
+
+
+@pytest.mark.parametrize(
+    ("relative", "over_stated", "said"),
+    [(0.011, 2.6, True), (0.009, 2.6, False), (0.011, 2.4, False), (float("nan"), float("nan"), False)],
+)
+def test_marks_whose_distance_varies_more_than_they_state_are_remarked(
+    relative: float, over_stated: float, *, said: bool
+) -> None:
+    assert ["varies by 1.1 %, 3 times" in note for note in _spacing_notes(relative, over_stated)] == [True] * said
 
 
 @pytest.mark.parametrize(
