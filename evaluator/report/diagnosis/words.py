@@ -31,8 +31,9 @@ def verdict_sentence(content: Json) -> str:
         return f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}."
     apart = content.get("left_out_runs") or {}
     but = f", apart from {_some(sorted(apart))}, left out of the diagnosis" if apart else ""
+    missing = "proven missing" if _possible(content) else "missing"
     return {
-        "none": f"Nothing is missing: the model explains these runs within noise, scatter and tolerances{but}.",
+        "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances{but}.",
         "insufficient": "These runs cannot decide whether an effect is missing, or which.",
     }.get(str(content.get("verdict")), "")
 
@@ -104,6 +105,7 @@ def together_sentence(effect: Json) -> str:
 
 MOST_NAMED = 6  # runs left out for one reason
 REPORTED_LOG_ODDS = math.log(20.0)  # a rival with less probability against it than 5 % is reported
+NAMED_LOG_ODDS = 8.0  # odds of 3000 to 1 that an effect needs: verdict.KEEP
 
 
 def left_out_sentence(content: Json) -> str:
@@ -162,19 +164,28 @@ def rivals_sentence(content: Json) -> str:
     """
     if content.get("verdict") not in ("none", "effect"):
         return ""
+    if (rival := _possible(content)) is None:
+        return ""
+    words = " with ".join(map(words_of, rival["effects"]))
+    if rival.get("carries_over") is False:
+        few = "but predicts commands left out no better than chance: more commands would decide"
+        return f"More probable in these runs, {few}: {words}."
+    ratio = significant(math.exp(min(rival["log_odds"], 20.0)), 2)
+    if rival["log_odds"] > NAMED_LOG_ODDS:
+        return f"More probable in these runs, but not named: {words} (odds of {ratio} to 1; {rival.get('reason')})."
+    return f"Not decided by these runs: {words} (odds of {ratio} to 1; an effect is named from 3000 to 1 on)."
+
+
+def _possible(content: Json) -> Json | None:
+    """The best rival that is more probable than the verdict, if it has a name and strains no tolerances."""
     for rival in content.get("rivals") or []:
         if not isinstance(rival, dict):
             continue
         effects, odds = rival.get("effects") or [], rival.get("log_odds")
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
         if named and odds is not None and odds > REPORTED_LOG_ODDS and not rival.get("strains"):
-            words = " with ".join(map(words_of, effects))
-            if rival.get("carries_over") is False:
-                few = "but predicts commands left out no better than chance: more commands would decide"
-                return f"More probable in these runs, {few}: {words}."
-            ratio = significant(math.exp(min(odds, 20.0)), 2)
-            return f"Possible, but below the required odds: {words} (odds of {ratio} to 1)."
-    return ""
+            return rival
+    return None
 
 
 RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")

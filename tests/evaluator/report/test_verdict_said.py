@@ -7,9 +7,18 @@ from typing import Any
 
 import pytest
 
+from evaluator.diagnosis.assessment.verdict import KEEP
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
-from evaluator.report.diagnosis.words import RUN_KEYS, next_runs, rivals_sentence, separations_sentence, words_of
+from evaluator.report.diagnosis.words import (
+    NAMED_LOG_ODDS,
+    RUN_KEYS,
+    next_runs,
+    rivals_sentence,
+    separations_sentence,
+    verdict_sentence,
+    words_of,
+)
 from evaluator.report.verdict import WITHOUT_EFFECTS, verdict_lines
 
 SIZE = {"value": 1.8, "low": 1.7, "high": 1.9}
@@ -51,7 +60,10 @@ def test_a_rival_is_told_that_is_twenty_times_as_probable_and_has_a_name_and_str
     found = rivals_sentence({"verdict": verdict, "rivals": ["damaged", rival]})
     assert bool(found) == (said and verdict != "unknown")
     if found:
-        assert found == "Possible, but below the required odds: dead-band with plate-tilt (odds of 20 to 1)."
+        odds = "odds of 20 to 1; an effect is named from 3000 to 1 on"
+        assert found == f"Not decided by these runs: dead-band with plate-tilt ({odds})."
+    headline = verdict_sentence({"verdict": "none", "rivals": [rival]})
+    assert headline.startswith("Nothing is proven missing: " if said else "Nothing is missing: ")
 
 
 def test_a_rival_that_does_not_carry_over_is_told_so() -> None:
@@ -59,9 +71,12 @@ def test_a_rival_that_does_not_carry_over_is_told_so() -> None:
     said = rivals_sentence({"verdict": "none", "rivals": [rival]})
     assert said.startswith("More probable in these runs, but predicts commands left out no better than chance")
     rival["carries_over"] = True
-    assert "(odds of 8103 to 1)" in rivals_sentence({"verdict": "none", "rivals": [rival]})
+    rival["reason"] = "it is too large"
+    refused = "but not named: dead-band (odds of 8103 to 1; it is too large)"
+    assert refused in rivals_sentence({"verdict": "none", "rivals": [rival]})
+    assert min(KEEP[1:]) == NAMED_LOG_ODDS
     rival["log_odds"] = 50.0  # beyond e²⁰ the number says nothing more
-    assert "(odds of 485165195 to 1)" in rivals_sentence({"verdict": "none", "rivals": [rival]})
+    assert "(odds of 485165195 to 1;" in rivals_sentence({"verdict": "none", "rivals": [rival]})
 
 
 def test_further_runs_without_all_their_values_are_left_out() -> None:
@@ -96,7 +111,7 @@ def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_b
     text = " ".join(verdict.text)
     for said in ("Missing in the model: the plate is not level", "So.", "cannot distinguish it from", "4.2 sigmas"):
         assert said in text
-    assert "below the required odds: dead-band" in text
+    assert "but not named: dead-band" in text
     assert "after this diagnosis" not in text
     (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=True))
     assert "changed after this diagnosis" in verdict.text[0]
