@@ -20,9 +20,9 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     """Mistakes of the runs of a session, those of most runs together; at most one for each run.
 
     robots: one per run, from their files. The last mistake may be of no run, and say that most of hundreds disagree
-    with their files and are not read wrongly. On open ground only mistakes of most runs are accepted from a comparison
-    with the model, from which the ground displaces a single run as far as a mistake does, and from poses, which the
-    odometry or the laser scanner that they come from displaces as well.
+    with their files and are not read wrongly. On open ground the ground displaces a single run from the model as far as
+    a mistake does: there only mistakes of most runs are accepted from poses, and from marks those that need no model,
+    or by which a run disagrees with it several times more than all others.
     """
     unread: list[str] = []
     by_model: set[tuple[str, Kind]] = set()
@@ -30,7 +30,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
         read = misread(data, robots)
         unread.append(read.unread)
-        by_model.update((item.run, item.kind) for item in read.found)
+        by_model.update((item.run, item.kind) for item in read.found if item.run not in read.far)
         return read.found
 
     same = copies(data)

@@ -215,6 +215,26 @@ def test_runs_that_exchanged_their_commands_are_told_beside_a_large_effect(
     assert beyond_the_others(found, seen) == found[:told]
 
 
+@pytest.mark.parametrize(
+    ("misfits", "far"),
+    [
+        ([6.1, 2.0, 1.0, 1.0], {"r0"}),
+        ([5.9, 2.0, 1.0, 1.0], set()),
+        ([6.1, 2.0, np.nan, 1.0], None),
+        ([6.1, 2.0], None),
+    ],
+)
+def test_a_run_is_far_from_the_others_beyond_three_times_their_largest_misfit(
+    misfits: list[float], far: set[str] | None
+) -> None:
+    runs = [replace(RUN, id=f"r{k}") for k in range(len(misfits))]
+    seen = [
+        Judgement([Alternative(None, run)], np.array([value]), 10.0, ())
+        for run, value in zip(runs, misfits, strict=True)
+    ]
+    assert belief.far_from_the_others([Found("r0", "reversed", "", "")], seen) == far
+
+
 def judged(number: int, kind: Any, misfits: tuple[float, float], words: str = "x", **of_way: Any) -> Judgement:
     """A run of an extent of 10 mm with a log, and one other reading of it."""
     run = replace(driven(number), log=RunCommand(Command.steps([(0.0, 30.0, 20.0)]), logged=True))

@@ -107,6 +107,19 @@ def test_on_open_ground_single_runs_are_believed_if_marks_show_the_mistake_and_n
     assert [item.kind for item in found] == ["duplicate", *[SEARCHES[search]] * told]
 
 
+@pytest.mark.parametrize(("far", "told"), [({"r3", "r4"}, True), ({"r4"}, False)])
+def test_on_open_ground_a_run_is_read_wrongly_if_it_disagrees_much_more_than_all_others(
+    far: set[str], *, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of ten runs seen by a camera, one whose marks are exchanged was kept, and spoilt the diagnosis."""
+    searches(monkeypatch, lambda *_: [])
+    monkeypatch.setattr(module, "standing_runs", lambda *_: set())
+    reversed_ = [Found("r3", "reversed", "", "")]
+    monkeypatch.setattr(module, "misread", lambda *_: Misread(reversed_, far=frozenset(far)))
+    found = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)
+    assert [item.runs for item in found] == [("r3",)] * told
+
+
 def test_that_most_of_hundreds_of_runs_are_not_read_wrongly_but_disagree_is_told_of_no_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -60,13 +60,20 @@ def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -
     the recording belongs to another command, its misfit is several times that of any effect in the other runs. Not so
     for runs that have exchanged their commands: chance does not fit each of them to the command of another.
     """
+    far = far_from_the_others(found, judgements)
+    if far is None:
+        return list(found)
+    kept = far | _exchanged(found, judgements)
+    return [item for item in found if item.kind != "wrong-command" or item.run in kept]
+
+
+def far_from_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str] | None:
+    """Runs whose misfit is several times that of any run without a mistake; None if too few of these are known."""
     wrong = {item.run for item in found}
     right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
     if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
-        return list(found)
-    far = {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)}
-    kept = far | _exchanged(found, judgements)
-    return [item for item in found if item.kind != "wrong-command" or item.run in kept]
+        return None
+    return {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)}
 
 
 def _exchanged(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str]:

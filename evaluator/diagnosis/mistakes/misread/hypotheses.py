@@ -29,6 +29,7 @@ from evaluator.diagnosis.mistakes.misread.alternatives import (
 from evaluator.diagnosis.mistakes.misread.belief import (
     beyond_the_others,
     beyond_tolerances,
+    far_from_the_others,
     late_alike,
     misfits_within_tolerances,
     one_rate_fits,
@@ -65,11 +66,13 @@ SAMPLE = 100
 class Misread:
     """Runs that are read wrongly; unread: a sentence on those that disagree with their files for another reason.
 
-    unread is empty unless only a sample of them was compared with every hypothesis.
+    unread is empty unless only a sample of them was compared with every hypothesis. far: runs that agree with their
+    file several times worse than any run that is read rightly.
     """
 
     found: list[Found]
     unread: str = ""
+    far: frozenset[str] = frozenset()
 
 
 def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -103,7 +106,8 @@ def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
     # runs that no common mistake can concern, as straight ones by exchanged sides, stay alone too, but not most
     alone = sum(len(item.ways) == 1 for item, is_odd in zip(judgements, odd, strict=True) if is_odd)
     unread = _unread(len(data), sum(odd)) if 2 * alone > max(sum(odd) - SAMPLE, 0) else ""
-    return Misread(beyond_tolerances(found, judgements, robots), unread)
+    far = frozenset(far_from_the_others(found, judgements) or ())
+    return Misread(beyond_tolerances(found, judgements, robots), unread, far)
 
 
 def _unread(runs: int, odd: int) -> str:
