@@ -31,8 +31,34 @@ def test_free_terms_compete_beside_the_answer_where_the_best_set_is_refused(monk
     monkeypatch.setattr(search_runs, "screen", screened)
     monkeypatch.setattr(search_runs, "rank_named", lambda *_: (None, ANSWER))
     monkeypatch.setattr(search_runs, "fit_null_from_rivals", lambda _: seen.append("null"))
+    monkeypatch.setattr(search_runs, "_ask_for_names", lambda _, families: seen.append(("names", families)))
     search_runs.challenge_with_free_terms(search, {}, lambda *_: None)
-    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER), "null"]
+    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER), ("names", 0), "null"]
+
+
+@pytest.mark.parametrize(
+    ("best", "asked"),
+    [
+        ({"free:x"}, [(NONE, {"magnet", "toe"})]),  # the spring alone was fitted
+        ({"spring", "free:x"}, [(ANSWER, {"toe"})]),  # with the magnet, too
+        ({"toe", "free:x"}, []),  # not reached without the free-form term
+        ({"spring"}, []),
+    ],
+)
+def test_effects_are_asked_for_in_place_of_the_free_form_term_of_the_most_probable_set(
+    best: set[str], asked: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were sought in the fitted runs alone, which may lack what held-out runs show."""
+    seen: list[Any] = []
+    fits: Any = dict.fromkeys([NONE, ANSWER, REFUSED, frozenset(best)])
+    terms = dict.fromkeys(("spring", "magnet", "toe", "free:x"))
+    search: Any = SimpleNamespace(
+        fits=fits, terms=terms, reached=lambda ids: ids if ids in (NONE, ANSWER, REFUSED) else None
+    )
+    monkeypatch.setattr(search_runs, "standing", lambda *_: SimpleNamespace(sets=[frozenset(best), NONE]))
+    monkeypatch.setattr(search_runs, "extend", lambda _, ids, among: seen.append((ids, among)))
+    search_runs._ask_for_names(search, 100)
+    assert seen == asked
 
 
 @pytest.mark.parametrize(
