@@ -14,7 +14,7 @@ from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others
 from evaluator.diagnosis.mistakes.recognise import recognise
-from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.diagnosis.mistakes.recognised import Found, Kind
 from tests.evaluator.diagnosis.hidden import hidden_session
 from tests.evaluator.diagnosis.marks_of_motion import onset_s
 
@@ -138,7 +138,7 @@ def test_the_onset_of_motion_is_told_to_a_few_milliseconds_and_not_of_a_run_that
         ((0.02, float("nan"), 0.17), True),
     ],
 )
-def test_a_wrong_command_misses_by_more_than_effects_make_runs_read_rightly(
+def test_a_wrong_command_or_a_turn_the_other_way_misses_by_more_than_effects_make_runs_read_rightly(
     others: tuple[float, ...], believed: bool
 ) -> None:
     def judgement(run: str, share: float) -> Any:
@@ -146,6 +146,8 @@ def test_a_wrong_command_misses_by_more_than_effects_make_runs_read_rightly(
         return SimpleNamespace(ways=[SimpleNamespace(run=stated)], share=share)
 
     seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
-    wrong, reversed_ = (Found("r0", kind, "", "") for kind in ("wrong-command", "reversed"))
-    assert beyond_the_others([wrong], seen) == [wrong] * believed
+    kinds: tuple[Kind, ...] = ("wrong-command", "sides-swapped", "mirrored")
+    for wrong in (Found("r0", kind, "", "") for kind in kinds):
+        assert beyond_the_others([wrong], seen) == [wrong] * believed
+    reversed_ = Found("r0", "reversed", "", "")
     assert beyond_the_others([reversed_], seen) == [reversed_]

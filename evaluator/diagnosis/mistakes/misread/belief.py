@@ -13,6 +13,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     ALIKE,
     BETTER,
     FEWEST_SIMILAR,
+    OTHER_WAY,
     SAME_SPEEDS,
     Floats,
     Judgement,
@@ -54,17 +55,18 @@ def late_alike(judgements: Sequence[Judgement]) -> set[str]:
 
 
 def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
-    """The findings without wrong commands of runs whose misfit is only little larger than that of correct runs.
+    """The findings without those of runs whose misfit is only little larger than that of correct runs.
 
-    An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance. If
-    the recording belongs to another command, its misfit is several times that of any effect in the other runs. Not so
+    An effect changes all runs, tight turns most, and one of a dozen other commands may fit a changed path by chance; a
+    left wheel that is a third too slow turns a wide turn into one to the other side. If the recording belongs to
+    another command, or turns the other way, its misfit is several times that of any effect in the other runs. Not so
     for runs that have exchanged their commands: chance does not fit each of them to the command of another.
     """
     far = far_from_the_others(found, judgements)
     if far is None:
         return list(found)
     kept = far | _exchanged(found, judgements)
-    return [item for item in found if item.kind != "wrong-command" or item.run in kept]
+    return [item for item in found if item.kind not in ("wrong-command", *OTHER_WAY) or item.run in kept]
 
 
 def far_from_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str] | None:
