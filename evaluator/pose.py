@@ -41,8 +41,8 @@ class Poses:
     systematic: (n, 3, k), shift of every pose by one standard deviation of each of k independent errors common to all
     frames: of the camera, and of the marks' centres if they come from images; None without a camera. spacing_mm: (n,)
     measured distance of the two marks that are farthest apart; spacing_sigma_mm: (n,) its standard uncertainty, from
-    those of the marks. For a robot with a single mark, x_mm and y_mm are the
-    positions of this mark, and there is no heading.
+    those of the marks. For a robot with a single mark, x_mm and y_mm are the positions of this mark, and there is no
+    heading.
     """
 
     time_s: Array

@@ -39,7 +39,7 @@ SCALE = "plane_scale"
 # somewhere within its width. A machinist's level reads 0.3 degrees.
 CALLIPERS_MM = 0.02  # one standard deviation of wheelbase and track
 RADIUS_SHARE = 0.005  # of a wheel's radius: half of that of a diameter of a millimetre
-MOTOR_SHARE = 0.01  # of a wheel's turns: gear motors of one kind, calibrated once, agree to about a per cent
+MOTOR_SHARE = 0.01  # of a wheel's turns, assumed: twice what its radius is known to
 MASS_SHARE = 0.02
 ATTRACTION_SHARE = 0.05  # pull-off forces repeat to some per cent
 # Computers that log commands and poses keep one clock to some hundredths of a second, however seldom a sensor measures.

@@ -67,19 +67,20 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
     stated_mm = stated_distances_mm(robots)
     spacings = [spacing(run.marks_mm, stated) for run, stated in zip(data, stated_mm, strict=True)]
     ratios = [float(np.median(item.ratio)) for item in spacings]
-    common, straight, without = _common(ratios), float("nan"), list[float]()
+    common, without = _common(ratios), list[float]()
     found = []
     for number, (run, ratio, stated) in enumerate(zip(data, ratios, stated_mm, strict=True)):
         if abs(ratio / common - 1) < SAME_SHARE:
             continue
-        if not np.isfinite(straight):  # of all runs without the keystone that they show
+        if not without:  # of all runs without the keystone that they show
             keystone = keystone_of(spacings)
             without = [float(np.median(item.without(keystone).ratio)) for item in spacings]
-            straight = _common(without)
         others = [item for k, item in enumerate(spacings) if k != number]
         least = _least_share(without) if _is_among(spacings[number], others) else ALONE_SHARE
-        alone = abs(ratio / common - 1) < least
-        if alone or abs((ratio - by_keystone(spacings[number], others)) / straight - 1) < AFTER_KEYSTONE * least:
+        if abs(ratio / common - 1) < least:
+            continue
+        straight = ratio - by_keystone(spacings[number], others)
+        if abs(straight / _common(without) - 1) < AFTER_KEYSTONE * least:
             continue
         words = f"its marks are {ratio * stated:.4g} mm apart, in the robot file {stated:.4g} mm"
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < UNIT_SHARE), None)

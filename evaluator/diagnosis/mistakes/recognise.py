@@ -10,8 +10,8 @@ from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
-from evaluator.diagnosis.mistakes.misread.hypotheses import misread
-from evaluator.diagnosis.mistakes.recognised import MOST, Found, Kind, Mistake, mistakes_of
+from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from simulator.robot import Robot
 
@@ -24,14 +24,11 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     a mistake does: there only mistakes of most runs are accepted from poses, and from marks those that need no model,
     or by which a run disagrees with it several times more than all others.
     """
-    unread: list[str] = []
-    by_model: set[tuple[str, Kind]] = set()
+    reads: list[Misread] = []
 
     def misread_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-        read = misread(data, robots)
-        unread.append(read.unread)
-        by_model.update((item.run, item.kind) for item in read.found if item.run not in read.far)
-        return read.found
+        reads.append(misread(data, robots))
+        return reads[-1].found
 
     same = copies(data)
     found = list(same)
@@ -56,6 +53,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     doubtful = contradicting_copies(data, found)
     found, same = [*found, *doubtful], [*same, *doubtful]
     if any_full_size(robots):
+        by_model = {(item.run, item.kind) for read in reads for item in read.found if item.run not in read.far}
         kinds, poses = [item.kind for item in found], {run.id for run in data if run.from_poses}
         found = [
             item
@@ -64,7 +62,11 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
             or not ((item.run, item.kind) in by_model or item.run in poses)
             or kinds.count(item.kind) >= MOST * len(data)
         ]
-    said = [Mistake((), "outlying", sentence, everywhere=True) for sentence in unread[-1:] if sentence]
+    said = [
+        Mistake((), "outlying", sentence, everywhere=True)
+        for sentence in (read.unread for read in reads[-1:])
+        if sentence
+    ]
     return [*mistakes_of(found, len(data), {"sides-swapped": turning}), *said]
 
 

@@ -38,7 +38,7 @@ class Spacing:
     @property
     def middle_mm(self) -> Floats:
         """Midpoints of the marks (n, 2)."""
-        return np.asarray((self.marks_mm[:, :2] + self.marks_mm[:, 2:]) / 2)
+        return _middle(self.marks_mm)
 
     def without(self, keystone: Floats) -> Spacing:
         """The spacing without a keystone (2,), per mm; its own is then NaN beyond the horizon of the camera."""
@@ -64,9 +64,13 @@ def _spacing(marks: Floats, stated_mm: float) -> Spacing:
     across = marks[:, :2] - marks[:, 2:]
     apart = np.hypot(across[:, 0], across[:, 1])
     line = across / np.maximum(apart, 1e-12)[:, None]
-    middle = (marks[:, :2] + marks[:, 2:]) / 2
+    middle = _middle(marks)
     stretch_mm = middle + line * np.sum(middle * line, axis=1)[:, None]
     return Spacing(apart / stated_mm, stretch_mm, marks, stated_mm)
+
+
+def _middle(marks: Floats) -> Floats:
+    return np.asarray((marks[:, :2] + marks[:, 2:]) / 2)
 
 
 def by_keystone(run: Spacing, others: Sequence[Spacing]) -> float:

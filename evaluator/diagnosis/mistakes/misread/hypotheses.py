@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.likelihood.features import rms_apart
+from evaluator.diagnosis.likelihood.features import channels_of, rms_apart
 from evaluator.diagnosis.likelihood.run_data import RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.misread.alternatives import (
@@ -211,7 +211,7 @@ def _turns_otherwise(way: Alternative, predicted: Floats) -> bool:
 
 def _turned(marks: Floats) -> Floats:
     """How far the line through both marks (n, 4) has turned since the first frame, rad, (n,)."""
-    angle = np.unwrap(np.arctan2(marks[:, 1] - marks[:, 3], marks[:, 0] - marks[:, 2]))
+    angle = np.unwrap(channels_of(marks)[:, 2])
     return np.asarray(angle - angle[0])
 
 
