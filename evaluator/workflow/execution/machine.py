@@ -78,7 +78,7 @@ if sys.platform == "linux":
     # A fork server imports the libraries once for all processes, because this takes longer than most jobs. It has no
     # threads, which make plain forks unsafe.
     PROCESSES = _Forking()
-    PROCESSES.set_forkserver_preload(["evaluator.workflow.runs.stages"])
+    PROCESSES.set_forkserver_preload(["evaluator.workflow.execution.fork_server", "evaluator.workflow.runs.stages"])
 else:
     PROCESSES = Spawning()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import multiprocessing.connection
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -136,6 +138,36 @@ def test_processes_are_prepared_by_starting_the_fork_server(monkeypatch: pytest.
     monkeypatch.setattr(machine.sys, "platform", "darwin")
     machine.prepare_processes()
     assert started == ["fork server"]
+
+
+INTERRUPTED_AT_START = """
+import os
+from multiprocessing import forkserver
+from evaluator.workflow.execution import machine
+end, request = forkserver.connect_to_new_process([])
+os.close(request)
+assert forkserver.read_signed(end) > 1  # the number of the process
+assert forkserver.read_signed(end) == 1  # and its exit status
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has a fork server here")
+def test_a_process_whose_start_is_interrupted_says_nothing() -> None:
+    command = [sys.executable, "-c", INTERRUPTED_AT_START]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_other_errors_of_the_fork_server_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.excepthook
+    try:
+        from evaluator.workflow.execution import fork_server
+    finally:
+        sys.excepthook = before
+    fork_server.hook(EOFError, EOFError(), None)
+    assert capsys.readouterr().err == ""
+    fork_server.hook(ValueError, ValueError("unexpected"), None)
+    assert "unexpected" in capsys.readouterr().err
 
 
 def test_a_run_may_have_a_robot_and_a_camera_of_its_own_in_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
