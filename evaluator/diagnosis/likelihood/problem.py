@@ -37,7 +37,8 @@ FRICTION, START = 3, 6  # indices among them
 OF_GROUND, SEEN_ON_GROUND = (0, 1, 2, START), (0, 1, 2, FRICTION, START)
 # Simulations in one piece of work: their marks, some 20 kB each, fit into the processor's cache, and there are several
 # pieces for several cores. Pieces do not depend on the number of cores.
-TASKS_AT_ONCE = 160
+TASKS_AT_ONCE = 80
+RUNS_AT_ONCE = 6  # in one piece of work, if each is simulated once
 
 
 @dataclass(frozen=True)
@@ -228,7 +229,10 @@ class Problem:
         """Linearizations of runs at a nearby point, with new responses and the slopes of views."""
         result: list[Linearized | None] = []
         theta = theta_of(point, columns)
-        for run, view, features in zip(runs, views, self.features([point.task(run) for run in runs]), strict=True):
+        groups = [runs[first : first + RUNS_AT_ONCE] for first in range(0, len(runs), RUNS_AT_ONCE)]
+        parts = self.watch.each(lambda part: self.features([point.task(run) for run in part]), groups)
+        every = [features for part in parts for features in part]
+        for run, view, features in zip(runs, views, every, strict=True):
             sound = bool(np.isfinite(features).all())
             response = features + view.common @ theta + view.scatter @ point.per_run[run, 3:]
             result.append(replace(view, response=response) if sound else None)

@@ -8,18 +8,16 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.features import Compression, compression
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
-from evaluator.diagnosis.likelihood.noise import common_drift as room
 from evaluator.diagnosis.likelihood.noise.common_drift import (
     LASTING_S,
     RATES_MM,
     CommonNoise,
-    _log_evidence,
-    _Run,
     changed,
     common_drift,
     drift_of,
 )
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
+from evaluator.diagnosis.likelihood.noise.drift_evidence import RunInModes, RunsInModes
 from evaluator.diagnosis.likelihood.noise.friction_wander import RATES
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
 from tests.evaluator.diagnosis.synthetic import FEATURES, linear_runs
@@ -90,7 +88,7 @@ def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk:
         wanders, creeps = rng.uniform(0, 5, third), rng.normal(size=third)
         friction = rng.normal(size=(FEATURES, 2))
         late = rng.normal(size=(FEATURES, late_changes))
-        runs.append(_Run(view, wanders, creeps, friction, late))
+        runs.append(RunInModes(view, wanders, creeps, friction, late))
         covariance = np.eye(FEATURES) + walk**2 * friction @ friction.T + late @ late.T
         for coordinate in (slice(0, third), slice(third, 2 * third)):
             covariance[coordinate, coordinate] += drift.size_mm**2 * np.diag(wanders)
@@ -99,7 +97,7 @@ def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk:
         dense.append(changed(view, lambda part, white=white: part @ white.T))
         widths += np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(dense[-1].start.T @ dense[-1].start)[1]
     expected = MixedModel(reduce_runs(dense), prior).log_evidence([0, 1]) - widths / 2
-    assert _log_evidence(runs, drift, walk, prior) == pytest.approx(expected, abs=1e-6)
+    assert RunsInModes(runs).log_evidence(drift, walk, prior) == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_creeps_is_told_from_what_wanders() -> None:
@@ -173,7 +171,7 @@ def test_drift_and_uneven_ground_are_told_where_they_gain_beyond_chance(
         still = (place[0] == 0 < top[0]) or (place[2] == 0 < top[2])
         return 100.0 - fall - by_drift * still - by_wander * (place[3] == 0) + 0.0 * prior.sum()
 
-    monkeypatch.setattr(room, "_log_evidence", evidence)
+    monkeypatch.setattr(RunsInModes, "log_evidence", evidence)
     found = common_drift([], [], [], np.zeros(1), NO_DRIFT, [])
     drift = NO_DRIFT if told[0] == told[2] == 0 else drift_of(*told[:3])
     assert found == CommonNoise(drift, RATES[told[3]], pytest.approx(100.0), top)

@@ -22,9 +22,10 @@ from scipy.linalg import eigh
 
 from evaluator.diagnosis.inference.watch import Each
 from evaluator.diagnosis.likelihood.features import Compression
-from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise import friction_wander
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
+from evaluator.diagnosis.likelihood.noise.drift_evidence import RunInModes, RunsInModes
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, correlated
 
 Floats = NDArray[np.float64]
@@ -66,22 +67,6 @@ class CommonNoise:
     place: Place = MIDDLE
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One run in features with independent drift and unit variance of the noise without drift.
-
-    view: its linearization. wanders: (k,), variances that a random drift of 1 mm adds to the features of each
-    coordinate of the midpoint. creeps: (k,), changes by a creep of 1 mm/s. friction: (d, m), changes of all features by
-    each mode of a friction with a random walk of 1 per 1 mm. late: (d, c), changes by one sigma of each late change.
-    """
-
-    view: Linearized
-    wanders: Floats
-    creeps: Floats
-    friction: Floats
-    late: Floats
-
-
 def common_drift(
     views: Sequence[Linearized],
     compressions: Sequence[Compression],
@@ -107,20 +92,20 @@ def common_drift(
     frames = list(zip(views, compressions, times_s, friction, late, strict=True))
 
     @cache
-    def lasting(time: int) -> list[_Run]:
-        return [_run(*frame, LASTING_S[time], assumed) for frame in frames]
+    def lasting(time: int) -> RunsInModes:
+        return RunsInModes([_in_modes(*frame, LASTING_S[time], assumed) for frame in frames])
 
     @cache
     def log_evidence(rate: int, time: int, creep: int, walk: int) -> float:
         drift = drift_of(rate, time, creep)
-        return _log_evidence(lasting(time), drift, friction_wander.RATES[walk], prior_precision)
+        return lasting(time).log_evidence(drift, friction_wander.RATES[walk], prior_precision)
 
     def uphill(place: Place, free: Sequence[int]) -> Place:
         last = None
         while place != last:  # the evidence has one maximum
             last, near = place, _around(place, free)
-            for time in {at[1] for at in near}:
-                lasting(time)  # computed before the parallel work, which would compute it several times
+            for rate, time in {at[:2] for at in near}:  # before the parallel work, which would compute them repeatedly
+                lasting(time).weighted(drift_of(rate, time, 0).size_mm)
             evidences = list(each(lambda at: log_evidence(*at), near))
             place = near[int(np.argmax(evidences))]
         return place
@@ -149,7 +134,7 @@ def _around(place: Place, free: Sequence[int]) -> list[Place]:
     return found
 
 
-def _run(
+def _in_modes(
     view: Linearized,
     compression: Compression,
     time_s: Floats,
@@ -157,7 +142,7 @@ def _run(
     late: Floats,
     lasting_s: float,
     assumed: Drift,
-) -> _Run:
+) -> RunInModes:
     """The run in features for which the covariances of noise without drift and of random drift are diagonal."""
     functional = compression.functional[0]
     wanders = functional.T @ correlated(time_s, lasting_s, functional)
@@ -165,7 +150,7 @@ def _run(
     variances, vectors = eigh(wanders, noise)
     creeps = vectors.T @ (functional.T @ (time_s - time_s[0]))
     turned = partial(_of_midpoint, vectors.T)
-    return _Run(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T, turned(late.T).T)
+    return RunInModes(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T, turned(late.T).T)
 
 
 def changed(view: Linearized, change: Callable[[Floats], Floats]) -> Linearized:
@@ -179,27 +164,3 @@ def _of_midpoint(matrix: Floats, features: Floats) -> Floats:
     count = len(matrix)
     first, second, rest = np.split(features, [count, 2 * count], axis=-1)
     return np.concatenate([first @ matrix.T, second @ matrix.T, rest], axis=-1)
-
-
-def _log_evidence(runs: Sequence[_Run], drift: Drift, walk: float, prior_precision: Floats) -> float:
-    """Log evidence of all runs with a drift and a random walk of friction (change over 1 mm), start poses free."""
-    views, widths = [], 0.0
-    for run in runs:
-        variance = 1 + drift.size_mm**2 * run.wanders
-        creeps = drift.creep_mm_s * run.creeps / np.sqrt(variance)
-        square = float(creeps @ creeps)
-        # (1 + c·cᵀ)^(-1/2) = 1 - share·c·cᵀ whitens a creep c
-        share = (1 - 1 / np.sqrt(1 + square)) / max(square, 1e-300)
-        white = (np.eye(len(creeps)) - share * np.outer(creeps, creeps)) / np.sqrt(variance)
-        turned = partial(_of_midpoint, white)
-        view = changed(run.view, turned)
-        widths += 2 * float(np.sum(np.log(variance)) + np.log1p(square))
-        random = np.hstack([walk * run.friction, run.late]) if walk else run.late
-        if random.shape[1]:
-            ground = friction_wander.whitening(turned(random.T).T)
-            view = changed(view, ground.of)
-            widths += ground.log_det
-        views.append(view)
-        widths += float(np.linalg.slogdet(view.start.T @ view.start)[1])
-    model = MixedModel(reduce_runs(views), prior_precision)
-    return model.log_evidence(range(len(prior_precision))) - widths / 2
