@@ -168,8 +168,8 @@ def rivals_sentence(content: Json) -> str:
         return ""
     words = " with ".join(map(words_of, rival["effects"]))
     if rival.get("carries_over") is False:
-        few = "but predicts commands left out no better than chance: more commands would decide"
-        return f"More probable in these runs, {few}: {words}."
+        few = "it predicts commands left out no better than chance, and more commands would decide"
+        return f"More probable in these runs, but not named: {words} ({few})."
     ratio = significant(math.exp(min(rival["log_odds"], 20.0)), 2)
     if rival["log_odds"] > NAMED_LOG_ODDS:
         return f"More probable in these runs, but not named: {words} (odds of {ratio} to 1; {rival.get('reason')})."

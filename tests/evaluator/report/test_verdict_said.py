@@ -69,7 +69,8 @@ def test_a_rival_is_told_that_is_twenty_times_as_probable_and_has_a_name_and_str
 def test_a_rival_that_does_not_carry_over_is_told_so() -> None:
     rival = {"effects": ["dead-band"], "log_odds": 9.0, "carries_over": False}
     said = rivals_sentence({"verdict": "none", "rivals": [rival]})
-    assert said.startswith("More probable in these runs, but predicts commands left out no better than chance")
+    few = "it predicts commands left out no better than chance, and more commands would decide"
+    assert said == f"More probable in these runs, but not named: dead-band ({few})."
     rival["carries_over"] = True
     rival["reason"] = "it is too large"
     refused = "but not named: dead-band (odds of 8103 to 1; it is too large)"
