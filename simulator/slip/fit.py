@@ -167,12 +167,12 @@ def _sigmas(jacobian: Array) -> Array:
 
 
 def _with_intervals(found: Any, measurements: int, sigma_used: tuple[float, float], given: bool) -> SlipFit:
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     freedom = measurements - len(NAMES)
     misfit = float(np.sqrt(2 * found.cost / freedom))
     sigma = _sigmas(found.jac) * max(1.0, misfit)
-    reach = float(t.ppf(0.975, freedom)) * sigma
+    reach = float(stdtrit(freedom, 0.975)) * sigma  # Student's t
     low, high = _parameters(found.x - reach), _parameters(found.x + reach)
     low[DECREASE] = max(low[DECREASE], 0.0)
     value = _parameters(found.x)

@@ -113,8 +113,6 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float, wide
     root of this share; it is therefore divided by this root, or the most informative runs would appear outlying.
     Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
     """
-    from scipy import stats
-
     gains, shares = left.random_effects[:, 1:3], left.shares[:, 1:3]
     if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
         return None
@@ -123,7 +121,7 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float, wide
     means, spreads = (np.array([of(np.delete(alike, k, axis=0), axis=0) for k in range(count)]) for of in MEAN_SPREAD)
     apart = np.abs(alike - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
     worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
-    p = 2 * gains.size * stats.t.sf(apart[worst, side], count - 2)
+    p = 2 * gains.size * special.stdtr(count - 2, -apart[worst, side])  # of Student's t
     off_percent = 100 * abs(gains[worst, side] - np.delete(gains[:, side], worst).mean())
     wider = float(alike[:, side].std(ddof=1)) >= widening * spreads[worst, side]
     return runs[int(worst)] if p < NOT_CHANCE and off_percent > least_percent and wider else None
