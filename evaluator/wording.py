@@ -27,12 +27,16 @@ def verb(count: int, one: str, several: str) -> str:
 def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
     """A value and its 95 % bounds with as many decimals as the interval justifies, never with exponents.
 
-    A quarter of the interval is about the standard uncertainty; the last decimal is its first digit. Three digits if
-    the interval is zero, and at most nine: drawn paths are exact to the last bit.
+    A quarter of the interval is about the standard uncertainty; the last decimal is its first digit. If the half of the
+    shorter side bears more, there is one more: a factor of 0.49 between 0.09 and 5 is not 0. Three digits if the
+    interval is zero, and at most nine: drawn paths are exact to the last bit.
     """
     if not 0 < high - low < math.inf:
         return f"{value:.3g}", f"{low:.3g}", f"{high:.3g}"
     borne, shown = -math.floor(math.log10((high - low) / 4)), 8 - math.floor(math.log10(max(-low, high)))
+    shorter = min(value - low, high - value)
+    if shorter > 0:
+        borne = max(borne, min(borne + 1, -math.floor(math.log10(shorter / 2))))
     decimals = max(0, min(borne, shown))
     best, least, most = (f"{round(item, decimals) + 0.0:.{decimals}f}" for item in (value, low, high))
     return best, least, most
