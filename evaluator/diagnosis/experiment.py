@@ -20,9 +20,9 @@ from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
 from evaluator.diagnosis.long_sessions import NOT_NEEDED, needed_runs, pieces_of
-from evaluator.diagnosis.mistakes.handling import between_hands
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.diagnosis.mistakes.start.handling import between_hands
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.tracker_faults import Mended, mended, without_faults

@@ -1,21 +1,18 @@
-"""Disturbances of single runs: stuck, held or pushed robot, late start, moved camera, wrong unit."""
+"""Disturbances of single runs: stuck, held or pushed robot, moved camera, wrong unit."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.handling import moved_before_start_mm
 from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
 from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
-    Onset,
     displacement_in_gap,
     displacement_over,
     motion_of,
@@ -23,7 +20,6 @@ from evaluator.diagnosis.mistakes.motion import (
 )
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
-from evaluator.diagnosis.mistakes.rising_command import motors_on, onset_after_start
 from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import stated_distances_mm
@@ -42,13 +38,6 @@ OTHERS_SIGMAS, FEWEST_ALIKE = 6.0, 4
 UNITS = {unit.replace("um", "µm"): 1 / size_mm for unit, size_mm in MM_PER.items() if unit != "mm"}  # per mm
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
 PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of length, is in pixels
-LATE_S = 0.1  # more than the error of a start that is determined by counting frames
-LATE_SPREADS = 6.0  # times the scatter of the starts in the session
-# Time in which small motors follow a command. If the file leaves start_s out, a delay of all runs up to this time is
-# left to the diagnosis; a longer one is a forgotten start.
-MOTORS_S = 0.3
-SLOWEST_S = 1.0  # if the file states start_s: a drive of a metre that follows half of its command after 0.65 s is slow
-LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
 CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
@@ -118,58 +107,6 @@ def _common(ratios: Sequence[float]) -> float:
     """The ratio that most runs have; 1 if it is no error of the places of marks."""
     usual = float(np.nanmedian(ratios))
     return usual if abs(np.log(usual)) < np.log1p(SPACING_SHARE) else 1.0
-
-
-def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """Runs that start at another time than stated, relative to the other runs, or outside of the recording.
-
-    If start_s is not given, the start is compared with its default 0, unless motors that follow late may be the cause.
-    """
-    del robots
-    found: list[Found] = []
-    late: dict[str, Onset] = {}
-    shown: dict[str, float] = {}  # start, relative to the stated one: farther off than the onset if the command rises
-    for run in data:
-        first, last = float(run.time_s[0]), float(run.time_s[-1])
-        if run.start_s >= last:
-            seen = f"start_s = {run.start_s:g} s lies after the end of the recording ({first:.2f} to {last:.2f} s)"
-            found.append(Found(run.id, "late-start", seen, "correct start_s in experiment.toml"))
-            continue
-        from_rest = run.run_command.starts_at_rest and bool(run.left_rpm or run.right_rpm)
-        begins = onset(run) if from_rest else None
-        if begins is not None:
-            expected_s = run.start_s + onset_after_start(run, begins, run.start_s)
-            late[run.id] = replace(begins, time_s=begins.time_s - expected_s)
-            shown[run.id] = motors_on(run, begins) - run.start_s
-        elif from_rest and (moved_mm := moved_before_start_mm(run)):
-            seen = f"moves by {moved_mm:.2g} mm before its motors are switched on at start_s = {run.start_s:g} s"
-            remedy = "correct start_s, or cut the frames in which a hand moves the robot"
-            found.append(Found(run.id, "late-start", seen, remedy, ("pushed",)))
-    # a delay common to all runs, of the motors or of the clock, is left to the diagnosis if no motor is slower
-    usual, spread = _usual([item.time_s for item in late.values()]) if len(late) > 2 else (0.0, 0.0)
-    no_lag = {run.id for run in data if usual > (SLOWEST_S if run.start_is_stated else MOTORS_S)}
-    for run in data:
-        if run.id not in late:
-            continue
-        begins = late[run.id]
-        later_s = begins.time_s - (0.0 if run.id in no_lag else usual)
-        least_s = max(LATE_S, LATE_SIGMAS * begins.sigma_s, 0.0 if run.id in no_lag else LATE_SPREADS * spread)
-        if abs(later_s) > least_s:
-            later_s += shown[run.id] - begins.time_s
-            at_s = run.start_s + later_s
-            words = f"{abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} than start_s says"
-            remedy = f"set start_s = {at_s:.2f}"
-            if run.id in no_lag and not run.start_is_stated:
-                words = f"and start_s, which is not given, counts as {run.start_s:g}"
-                remedy += f", or write start_s = {run.start_s:g} if the motors were switched on then"
-            seen, correction = f"motion begins at about {at_s:.2f} s, {words}", Correction(later_s=later_s)
-            found.append(Found(run.id, "late-start", seen, remedy, correction=correction))
-    return found
-
-
-def _usual(values: Sequence[float]) -> tuple[float, float]:
-    """Median of some values, and their spread about it (median absolute deviation, as a standard deviation)."""
-    return float(np.median(values)), robust_sigma(values)
 
 
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

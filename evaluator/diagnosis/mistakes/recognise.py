@@ -7,12 +7,13 @@ from collections.abc import Callable, Sequence
 from evaluator.diagnosis.candidates.coordinates import any_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
-from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
+from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from simulator.robot import Robot
 
 

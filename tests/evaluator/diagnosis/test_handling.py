@@ -11,8 +11,8 @@ import pytest
 from evaluator.diagnosis import experiment
 from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.disturbances import late_starts
-from evaluator.diagnosis.mistakes.handling import between_hands, moved_before_start_mm
+from evaluator.diagnosis.mistakes.start.handling import between_hands, moved_before_start_mm
+from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from evaluator.errors import InputError
 from evaluator.settings import load_experiment
 from simulator.robot import load_robot

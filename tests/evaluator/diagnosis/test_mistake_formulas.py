@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.disturbances import _span, disturbed_runs, late_starts, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.disturbances import _span, disturbed_runs, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import displacement_over, motion_of
 from evaluator.diagnosis.mistakes.spacing import spacing
+from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from tests.evaluator.diagnosis.marks_of_motion import RATE, TIME, moving, onset_s, recorded
 from tests.evaluator.diagnosis.straight_session import GREEN, ROBOT, ROLLED_MM_S, YELLOW, driven, session
 

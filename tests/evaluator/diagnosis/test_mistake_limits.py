@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.mistakes import disturbances
 from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
-from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, late_starts, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import without_regimes
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.motion import Onset
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
+from evaluator.diagnosis.mistakes.start import late_start
+from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
 
 
@@ -95,7 +96,7 @@ def test_a_start_is_late_from_five_of_its_standard_deviations_on(
     sigmas: float, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begins = {"r0": 0.5 + sigmas * 0.06}
-    monkeypatch.setattr(disturbances, "onset", lambda run: Onset(begins.get(run.id, 0.5), 0.06, (0.6, 1.0)))
+    monkeypatch.setattr(late_start, "onset", lambda run: Onset(begins.get(run.id, 0.5), 0.06, (0.6, 1.0)))
     assert kinds(late_starts(session(driven(0)), [ROBOT] * 8)) == ([("r0", "late-start")] if told else [])
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.disturbances import late_starts
 from evaluator.diagnosis.mistakes.motion import Onset
-from evaluator.diagnosis.mistakes.rising_command import motors_on, onset_after_start
+from evaluator.diagnosis.mistakes.start.late_start import late_starts
+from evaluator.diagnosis.mistakes.start.rising_command import motors_on, onset_after_start
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from tests.evaluator.diagnosis.marks_of_motion import moving, recorded
@@ -26,6 +26,16 @@ def ramp(number: int = 0, begins_s: float = START_S) -> RunData:
     run = recorded(marks, TIME, noise_mm=0.005)
     log = RunCommand(Command.ramp(FULL_RPM, FULL_RPM, START_S, START_S + RISE_S), logged=True)
     return replace(run, id=f"ramp{number}", left_rpm=FULL_RPM, right_rpm=FULL_RPM, start_s=START_S, log=log)
+
+
+def waiting(number: int, band_rpm: float) -> RunData:
+    """A run whose command rises by 8 rpm/s, and whose wheels turn from a command of band_rpm on, at its speed."""
+    rate, speed_per_rpm = 8.0, 0.05
+    begins_s = START_S + band_rpm / rate
+    way = speed_per_rpm * rate / 2 * (np.maximum(TIME - START_S, band_rpm / rate) ** 2 - (band_rpm / rate) ** 2)
+    run = recorded(moving(way * (begins_s < TIME), 1.0, 0.0), TIME, noise_mm=0.005)
+    log = RunCommand(Command.ramp(80.0, 80.0, START_S, START_S + 80.0 / rate), logged=True)
+    return replace(run, id=f"waiting{number}", left_rpm=80.0, right_rpm=80.0, start_s=START_S, log=log)
 
 
 def constant(number: int, begins_s: float) -> RunData:
@@ -63,3 +73,20 @@ def test_a_ramp_that_is_late_is_told_with_the_start_of_its_motors() -> None:
     assert found.run == "ramp0"
     assert found.correction is not None
     assert found.correction.later_s == pytest.approx(1.5, abs=0.1)
+
+
+def test_ramps_through_a_dead_band_are_not_late_unless_others_begin_at_a_lower_command() -> None:
+    """Constant runs are commanded 30 rpm. Motion before START_S + 1.5 s would be at less than 12 rpm."""
+    others = [constant(k, START_S) for k in range(4)]
+    waits = [waiting(0, 12.0), waiting(1, 12.0)]
+    assert late_starts([*waits, *others], [ROBOT] * 6) == []
+    slow = [replace(run, left_rpm=8.0, right_rpm=6.0) for run in others]
+    assert [item.run for item in late_starts([*waits, *slow], [ROBOT] * 6)] == ["waiting0", "waiting1"]
+
+
+def test_a_log_with_stairs_waits_for_the_stair_above_the_dead_band() -> None:
+    others = [constant(k, START_S) for k in range(4)]
+    rpm = np.array([5.0, 5.0, 40.0])
+    stairs = RunCommand(Command(np.array([START_S, 1.5, 1.5]), rpm, rpm), logged=True)
+    late = replace(constant(9, 1.5), log=stairs, left_rpm=40.0, right_rpm=40.0)
+    assert late_starts([late, *others], [ROBOT] * 5) == []
