@@ -23,6 +23,7 @@ from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
+from evaluator.diagnosis.mistakes.explained import without_explained_mistakes
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.parted_session import parted
 from evaluator.diagnosis.result import Diagnosis
@@ -52,7 +53,8 @@ def diagnose(
     again.
     """
     with Cores(cores) as each:
-        return _with_next_runs(_on_all_but_sole_runs(session, Watch(progress, seconds, each), fits), progress)
+        found = _on_all_but_sole_runs(session, Watch(progress, seconds, each), fits)
+        return _with_next_runs(without_explained_mistakes(found), progress)
 
 
 def _with_next_runs(found: Diagnosis, progress: Progress) -> Diagnosis:

@@ -56,6 +56,7 @@ class Session:
     known: tuple[Quantity, ...] = ()
     start_sigma_s: float = 0.0
     mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
+    aside: tuple[tuple[RunData, Robot], ...] = ()  # these runs
     relevant: Relevant = field(default_factory=Relevant)
     left_out: Mapping[str, str] = field(default_factory=dict)  # usable runs that are not used, with the reason
     own: tuple[str, ...] = ()  # ids of effects of the user, tried like those of the catalogue
@@ -110,7 +111,9 @@ def without_mistakes(session: Session) -> Session:
     found = recognise(session.data, session.robots)
     wrong = {run for item in found for run in item.runs}
     keep = [k for k, run in enumerate(session.data) if run.id not in wrong]
-    return replace(session.of_runs(keep), mistakes=tuple(found))
+    pairs = zip(session.data, session.robots, strict=True)
+    aside = tuple((run, robot) for run, robot in pairs if run.id in wrong)
+    return replace(session.of_runs(keep), mistakes=tuple(found), aside=aside)
 
 
 def needed_of(session: Session) -> Session:

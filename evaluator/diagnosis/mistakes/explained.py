@@ -1,0 +1,81 @@
+"""Runs that were taken for mistakes before an effect was known, and that move as their files say with that effect.
+
+Mistakes are recognised by a model without effects. A strong effect may move a run as another command would: a robot
+that turned on the spot was pulled by a spring onto the path of a wide turn. Such a run is no mistake; it is not fitted,
+but reported with this reason.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from evaluator.diagnosis.assessment.gap import OF_WANDER, farthest_followed, run_gaps
+from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
+from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
+from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
+from evaluator.diagnosis.likelihood.run_data import START_POSE
+from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.mistakes.recognised import Kind, Mistake
+from evaluator.diagnosis.result import Diagnosis
+
+# Mistakes that are recognised by what a model predicts; the others show in the marks or in the files.
+BY_MODEL: tuple[Kind, ...] = (
+    "late-start",
+    "stuck",
+    "wrong-rate",
+    "mirrored",
+    "reversed",
+    "sides-swapped",
+    "wrong-command",
+)
+
+
+def without_explained_mistakes(found: Diagnosis) -> Diagnosis:
+    """The diagnosis without mistakes of single runs that its effects explain; these runs are listed as left out."""
+    if found.verdict != "effect" or not found.follows or found.search is None or found.search.problem.open_ground:
+        return found
+    session = found.session
+    explained = {
+        item.runs[0]: item
+        for item in session.mistakes
+        if item.kind in BY_MODEL and len(item.runs) == 1 and not item.everywhere and _is_explained(found, item.runs[0])
+    }
+    if not explained:
+        return found
+    kept = tuple(item for item in session.mistakes if item not in explained.values())
+    reasons = {run: _reason(item, found) for run, item in explained.items()}
+    return replace(found, session=replace(session, mistakes=kept, left_out={**session.left_out, **reasons}))
+
+
+def _reason(mistake: Mistake, found: Diagnosis) -> str:
+    effects = " and ".join(sorted(found.chosen))
+    return f"taken for {mistake.kind} at first; with {effects} it moves as its file says"
+
+
+def _is_explained(found: Diagnosis, name: str) -> bool:
+    """Whether a run that was set aside moves as its file says, by the fitted model, within noise.
+
+    Its friction, gains and start must be those of the other runs: with others, gains of 0.4, the model even follows a
+    run whose sides are exchanged.
+    """
+    session, search, terms = found.session, found.search, found.terms
+    assert search is not None
+    assert terms is not None
+    aside = [(run, robot) for run, robot in session.aside if run.id == name]
+    if not aside:
+        return False
+    (run, robot), fit = aside[0], found.fit
+    try:
+        forward = Simulated([robot], [run], terms, predicted_sigmas(session.known), session.start_sigma_s)
+        problem, start = build_problem([run], forward, change_sigma_s=session.start_sigma_s)
+        drifting = replace(
+            problem, common_drift=search.problem.common_drift, friction_wander=search.problem.friction_wander
+        )
+        problem = with_noise_of(drifting, replace(fit.point, per_run=start.per_run)).of_tracking
+        placed = place_runs(problem, replace(fit.point, per_run=start.per_run), [0], fit.posterior.scatter)
+        usual = np.abs(placed.per_run[0, START_POSE:]) <= OF_WANDER * fit.posterior.scatter
+        return bool(usual.all() and (run_gaps(problem, placed, [0]) <= farthest_followed(problem, [0])).all())
+    except FloatingPointError:  # it cannot be simulated
+        return False
