@@ -144,6 +144,8 @@ def test_the_best_two_groups_of_normal_values_are_no_groups_more_often_than_said
     found = sum(bool(_smaller_group(rng.normal(size=8), 0.05)) for _ in range(300))
     assert stats.binom.sf(found - 1, 300, 0.05) > 1e-3
     assert not _smaller_group(np.array([*np.linspace(-1, 1, 10), 2.0, 30.0]), 0.05)  # an outlier and its neighbour
+    assert _smaller_group(np.array([0.0, 9.0, 0.1, 9.1, 0.05]), 0.05) == [1, 3]
+    assert not _smaller_group(np.array([0.0, 0.1, 9.0]), 1.0)  # one run is no group
 
 
 def test_the_best_two_groups_are_those_of_a_search_over_all() -> None:

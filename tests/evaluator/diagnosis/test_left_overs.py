@@ -78,6 +78,24 @@ def test_a_run_determines_as_much_of_an_effect_as_it_knows_beside_the_scatter(ga
     assert (found.depends_on == "right gain of the runs depends on order") == told
 
 
+def test_friction_and_start_that_follow_the_heading_are_told_whatever_gain_of_the_wheels_matters() -> None:
+    rng, angle = np.random.default_rng(7), np.linspace(0.0, 5.0, 12)
+    data = [
+        replace(run_data(30.0, 20.0, number), marks_mm=np.tile([3 * np.cos(a), 3 * np.sin(a), 0.0, 0.0], (4, 1)))
+        for number, a in enumerate(angle)
+    ]
+    unit, slopes = np.eye(9), 100.0 / TAU
+    for which, what in ((0, "friction"), (3, "start")):
+        effects = 1e-3 * TAU * rng.normal(size=(12, 4))
+        effects[:, which] += TAU[which] * np.cos(angle)
+        response = np.zeros((12, 9))
+        response[:, 3:7] = slopes * effects
+        views = [Linearized(row, np.zeros((9, 2)), unit[:, :3], unit[:, 3:7] * slopes) for row in response]
+        found = adequacy(fit_of(views, COLUMNS, np.zeros(2), TAU), data, relevant_gain=0.5)
+        assert found.depends_on == f"{what} of the runs depends on heading"
+        assert found.order_p < 1e-6
+
+
 def test_a_value_known_to_a_tolerance_does_not_take_up_the_noise_that_its_column_holds() -> None:
     """A mark moved along the robot: its column is the start pose, and a trace of the noise of the heading."""
     rng = np.random.default_rng(2)

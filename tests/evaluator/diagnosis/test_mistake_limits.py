@@ -45,9 +45,9 @@ def test_marks_of_one_run_may_be_off_by_a_twelfth_or_a_fortieth_where_those_of_t
 
 
 def test_marks_at_the_edge_of_the_plate_may_be_off_by_a_twelfth() -> None:
-    """A lens that is not calibrated errs there."""
-    for place, told in ((4, True), (30, False)):
-        runs = [*(driven(number) for number in (1, 2, 3, 5, 6, 7, 8)), driven(place, scale=1.05)]
+    """A lens that is not calibrated errs there, wherever on the plate its origin is."""
+    for others, place, told in ((0, 4, True), (0, 30, False), (50, 54, True), (50, 80, False), (50, 20, False)):
+        runs = [*(driven(others + number) for number in (1, 2, 3, 5, 6, 7, 8)), driven(place, scale=1.05)]
         assert bool(wrong_scale(runs, [ROBOT] * 8)) == told
 
 
@@ -74,12 +74,16 @@ def test_unit_is_recognised_within_a_seventeenth(unit: str, factor: float) -> No
         (found,) = wrong_scale(session(driven(0, scale=off * factor)), [ROBOT] * 8)
         expected = "wrong-unit" if unit == "µm" else kind  # beyond three times too far apart it is px, at the least
         assert (found.kind, f"in {unit}:" in found.remedy) == (expected, kind == "wrong-unit")
+        if kind == "wrong-unit":
+            assert found.remedy == f"they seem to be in {unit}: convert them to mm"
+            assert found.correction is not None
+            assert found.correction.marks_times == pytest.approx((1 / factor, 1 / factor))
 
 
 def test_marks_more_than_three_times_too_far_apart_are_in_px() -> None:
     (found,) = wrong_scale(session(driven(0, scale=3.1)), [ROBOT] * 8)
-    assert found.kind == "wrong-unit"
-    assert "px" in found.remedy
+    assert (found.kind, found.correction) == ("wrong-unit", None)
+    assert found.remedy == "they seem to be in px: place them with a camera"
 
 
 @pytest.mark.parametrize(("late_s", "told"), [(0.07, False), (0.14, True), (-0.14, True)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.jump import jump
+from evaluator.diagnosis.mistakes.jump import _covers, jump
 from evaluator.diagnosis.mistakes.motion import (
     _carried,
     _missing_elsewhere,
@@ -300,3 +300,14 @@ def test_one_step_of_rounded_coordinates_is_no_jump() -> None:
     assert jump(recorded(marks, noise_mm=0.0)) is None
     marks[90:] += np.tile([0.05, -0.05], 2)
     assert jump(recorded(marks, noise_mm=0.0)) is not None
+
+
+@pytest.mark.parametrize("direction", [0.0, 1.2, np.pi / 2, 3.0, -2.2])
+def test_a_speed_explains_a_step_along_it_within_its_times_whatever_its_direction(direction: float) -> None:
+    ahead, left = (np.array([[np.cos(a), np.sin(a)]]) for a in (direction, direction + np.pi / 2))
+    within, least = (np.array([-0.1]), np.array([0.3])), np.array([0.05])
+    steps = {(1.4, 0.0): True, (1.6, 0.0): False, (-0.4, 0.0): True, (-0.6, 0.0): False}
+    steps |= {(1.0, 0.04): True, (1.0, -0.04): True, (1.0, 0.06): False, (1.0, -0.06): False}
+    for (along, across), explained in steps.items():  # at 5 mm/s
+        assert bool(_covers(5.0 * ahead, within, along * ahead + across * left, least)[0]) == explained
+    assert not _covers(0.0 * ahead, within, 0.0 * ahead, least)[0]  # a robot at rest explains nothing

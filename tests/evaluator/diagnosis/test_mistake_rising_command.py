@@ -56,6 +56,7 @@ def test_motion_at_a_constant_command_is_expected_from_the_start_on() -> None:
     assert motors_on(constant(0, 0.7), begins) == 0.7
     held = RunCommand(Command.constant(30.0, 20.0, START_S), logged=True)
     assert onset_after_start(replace(constant(0, 0.7), log=held), begins, START_S) == pytest.approx(0.0, abs=0.01)
+    assert onset_after_start(ramp(), replace(begins, span_s=(0.1, 0.4)), START_S) == 0.0  # nothing is commanded yet
 
 
 @pytest.mark.parametrize("ramps", [1, 3])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from evaluator.diagnosis import diagnosis as caller
 from evaluator.diagnosis import parted_session as module
+from evaluator.diagnosis.assessment.knowledge import Knowledge
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
@@ -140,3 +142,76 @@ def test_a_limit_of_time_leaves_the_verdict_that_was_found(monkeypatch: pytest.M
     monkeypatch.setattr(caller, "parted", stopped)
     found = Diagnosis("unknown", "so", session, search=asked)
     assert caller._in_parts(found, Watch()) == found
+
+
+def found_as(values: list[tuple[float, float]]) -> tuple[Knowledge, ...]:
+    """Quantities q0, q1, … with these fitted values and standard uncertainties; the first has a unit."""
+    return tuple(
+        Knowledge(
+            Quantity(f"q{k}", f"q{k}", "deg" if k == 0 else "1", 0.3, 1.0), value, value - 1.96 * s, value + 1.96 * s
+        )
+        for k, (value, s) in enumerate(values)
+    )
+
+
+def test_values_are_named_that_differ_by_three_of_their_common_sigmas_the_surest_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = [(2.0, 0.3), (2.0, 0.3), (-0.7, 0.3), (5.0, 0.001), (1.0, 0.4), (0.0, 0.3)]
+    after = [(3.9, 0.4), (2.0, 0.3), (0.7, 0.4), (5.4, 0.001), (-2.0, 0.3), (1.45, 0.4)]  # 3.8, 0, 2.8, 283, 6, 2.9
+    answers = {"before": found_as(before), "after": found_as(after)}
+    monkeypatch.setattr(module, "knowledge", lambda _, fit: answers[fit])
+    parts: Any = Parted(("before", "after"), ((0, 1, 2), (3, 4, 5)), 9.0)  # type: ignore[arg-type]
+    assert "q3 off by +5 and +5.4; q4 off by +1 and -2; q0 off by +2 and +3.9 deg; what" in parts.sentence("abcdef", ())
+    answers["after"] = (*found_as(after)[:5], found_as([(0.0, 0.3)] * 5 + [(9.0, 0.4)])[5])
+    assert "q0" not in parts.sentence("abcdef", ())  # three are named, of four
+    answers["after"] = answers["before"]
+    assert ", with values" not in parts.sentence("abcdef", ())
+
+
+@pytest.mark.parametrize(
+    ("excess", "gaps_mm", "explained"),
+    [
+        (EXPLAINED - 0.01, (0.2, 0.1), True),
+        (EXPLAINED, (0.1, 0.1), False),
+        (1.0, (0.21, 0.1), False),  # one run is not followed
+        (None, (0.1, 0.1), False),  # nothing could be fitted
+    ],
+)
+def test_a_part_is_explained_if_its_misfit_is_noise_and_every_run_is_followed(
+    excess: float | None, gaps_mm: tuple[float, float], explained: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = SimpleNamespace(of_tracking="of tracking")
+    fit = None if excess is None else SimpleNamespace(
+        excess=excess, point="point", posterior=SimpleNamespace(scatter="scatter")
+    )  # fmt: skip
+    part = SimpleNamespace(problem=problem, runs=(0, 1))
+    monkeypatch.setattr(module, "prepared", lambda session, watch, out: (session, watch, out))
+    monkeypatch.setattr(
+        module, "null_alone", lambda asked: (part, fit) if asked == ("session", "watch", None) else None
+    )
+    monkeypatch.setattr(module, "place_runs", lambda *asked: "placed" if asked[1] == "point" else None)
+    monkeypatch.setattr(module, "run_gaps", lambda *asked: np.array(gaps_mm) if asked[1] == "placed" else None)
+    monkeypatch.setattr(module, "farthest_followed", lambda *_: np.array([0.2, 0.2]))
+    asked: Any = ("session", "watch")
+    assert module._explained(*asked) == ((problem, fit) if explained else None)
+
+    def fails(*_: Any) -> None:
+        raise FloatingPointError
+
+    monkeypatch.setattr(module, "place_runs", fails)
+    assert module._explained(*asked) is None
+
+
+def test_runs_have_the_noise_of_their_own_part() -> None:
+    @dataclass(frozen=True)
+    class Noisy:
+        channels: tuple[str, ...]
+        noise: tuple[str, ...]
+        compressions: tuple[str, ...]
+
+    def of(name: str, count: int) -> Any:
+        return Noisy(*(tuple(f"{name}{kind}{run}" for run in range(count)) for kind in "cnp"))
+
+    found = module._with_noise_of(of("whole", 4), [((0, 2), of("a", 2)), ((1, 3), of("b", 2))])
+    assert found == Noisy(*((f"a{k}0", f"b{k}0", f"a{k}1", f"b{k}1") for k in "cnp"))  # type: ignore[comparison-overlap]

@@ -108,6 +108,29 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM, bands)
 
 
+def test_marks_that_are_computed_from_poses_tell_nothing_by_their_distance(monkeypatch: pytest.MonkeyPatch) -> None:
+    rigid: list[Any] = []
+    run: Any = SimpleNamespace(
+        id="r01", time_s=np.arange(40.0), start_s=3.0, marks_mm=np.zeros((40, 4)),
+        run_command=SimpleNamespace(command=Command([3.0], [2.0], [2.0])),
+    )  # fmt: skip
+    runs = [SimpleNamespace(**vars(run), from_poses=from_poses) for from_poses in (False, True)]
+    used = np.arange(40) > 3
+    problem: Any = SimpleNamespace(
+        data=runs, channels=[np.zeros((40, 4))] * 2, counting_frames=lambda _: used, open_ground=False, length=1.0,
+        residuals=lambda tasks: [np.zeros((40, 4)) for _ in tasks], common_drift=Drift(), friction_wander=0.0,
+        change_sigma_s=0.0,
+    )  # fmt: skip
+    noise = tuple(Noise(size, 0.0, 0.1) for size in (1.0, 2.0, 3.0, 4.0))
+    monkeypatch.setattr(preparation, "replace", replaced)
+    monkeypatch.setattr(preparation, "channel_noise", lambda spectra: [noise for _ in spectra])
+    monkeypatch.setattr(preparation, "with_drift", lambda found, _, those, *__: (rigid.extend(those), found)[1])
+    monkeypatch.setattr(preparation, "compression", lambda *said: said)
+    found = preparation.with_noise_of(problem, Point(np.zeros((2, 7))))
+    assert found.noise == (noise, (*noise[:3], replace(noise[3], white_mm=preparation.NO_DISTANCE_MM)))
+    np.testing.assert_array_equal(rigid, [used, np.zeros(40)])
+
+
 def replaced(item: Any, **more: Any) -> Any:
     """An item, a dataclass or a stand-in of one, with other values."""
     return SimpleNamespace(**{**vars(item), **more}) if isinstance(item, SimpleNamespace) else replace(item, **more)

@@ -34,6 +34,8 @@ FREE, BESIDE = frozenset({"free:force_left.v_abs_v"}), PAIR | {"free:speed.sign_
         ({PAIR: 7.5, OFFSET: 0.5, NOTHING: 0.0}, "none", NOTHING),
         ({PAIR: 7.5, OFFSET: -5.0, NOTHING: 0.0}, "none", NOTHING),
         ({PAIR: 8.6, OFFSET: 0.5, NOTHING: 0.0}, "effect", PAIR),
+        ({PAIR: 107.5, OFFSET: 95.0, NOTHING: 100.0}, "none", NOTHING),  # whatever the evidence of nothing is
+        ({PAIR: -91.4, OFFSET: -105.0, NOTHING: -100.0}, "effect", PAIR),
         # twice as probable as the named one, and not quite; it must pay for itself to be the answer
         ({OFFSET: 9.0, FREE: 9.8, NOTHING: 0.0}, "unknown", FREE),
         ({OFFSET: 9.0, FREE: 9.6, NOTHING: 0.0}, "effect", OFFSET),

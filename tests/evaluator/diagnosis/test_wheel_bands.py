@@ -35,6 +35,17 @@ def test_each_speed_of_a_command_has_its_band_within_the_recording() -> None:
     np.testing.assert_allclose(bands, [(4 - 1.0, 4 + 1.0), (10 - 2 / rest, 10 + 2 / rest)])  # 30 rpm: 0.7 turns
 
 
+def test_a_wheel_has_a_band_from_one_turn_on() -> None:
+    for rpm, count in ((14.5, 0), (15.5, 1)):  # 0.96 and 1.03 turns in 3.98 s
+        assert len(wheel_bands(Command([0.0], [rpm], [0.0]), TIME_S, AHEAD)) == count
+
+
+def test_a_robot_whose_heading_is_never_seen_shifts_nothing() -> None:
+    assert wheel_bands(Command([0.0], [300.0], [300.0]), TIME_S, AHEAD + np.nan) == wheel_bands(
+        Command([0.0], [300.0], [300.0]), TIME_S, AHEAD
+    )
+
+
 def test_a_ramp_covers_the_speeds_between_its_ends() -> None:
     ((low, high),) = wheel_bands(Command([0.0, 4.0], [60.0, 360.0], [0.0, 0.0]), TIME_S[:200], AHEAD[:200])
     assert (low, high) == pytest.approx((1 - 2 / TIME_S[199], 6 + 2 / TIME_S[199]))

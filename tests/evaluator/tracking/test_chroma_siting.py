@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import cv2
@@ -10,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from evaluator.recording import Frame
+from evaluator.tracking.detection import chroma_siting as module
 from evaluator.tracking.detection.chroma_siting import COSITED, MIDWAY, first_column
 from evaluator.tracking.following.follow_blob import start_blob
 from tests.evaluator.tracking.synthetic import BLACK, GREEN, LUMA, PLATE, YELLOW, coverage
@@ -70,3 +72,66 @@ def test_mark_as_light_as_its_body_is_centred_by_its_colour_wherever_the_samples
     cell = np.array([2.0, 2.0, place, 0.5])
     one = start_blob(frame, cell, center, 8.0, color, None).look_at(frame, cell, center, 4.0, 0.0)
     assert (one.x, one.y) == pytest.approx(center, abs=0.05)
+
+
+def textured(distance_px: float, *, depth: int = 8, down: int = 2, contrast: float = 1.0) -> Frame:
+    """A frame whose colour is a third of its luma, sampled at a distance from the middle between two columns."""
+    rng, levels = np.random.default_rng(5), 1 << (depth - 8)
+    y, x = np.mgrid[0:96, 0:128].astype(float)
+    size, across = contrast * rng.uniform(2.0, 4.0, 20), rng.uniform(0.1, 0.5, 20)  # waves of 12 to 60 columns
+    along, phase = rng.uniform(0.05, 0.2, 20), rng.uniform(0.0, 2 * np.pi, 20)
+
+    def image(right_px: float) -> NDArray[np.float64]:
+        return np.cos(np.multiply.outer(x + right_px, across) + np.multiply.outer(y, along) + phase) @ size
+
+    right = image(0.5 + distance_px)  # of column 2k; blurred as the means over columns and rows are
+    blurred = cv2.filter2D(right, -1, np.array([[1.0, 6.0, 1.0]]) / 8.0)[:, ::2]
+    plane = 128.0 + blurred.reshape(-1, down, blurred.shape[1]).mean(axis=1) / 3.0
+    noise = rng.normal(0.0, 0.2 * contrast, plane.shape)
+    planes = [np.clip(np.rint(levels * one), 0, 256 * levels - 1) for one in (110.0 + image(0.0), plane + noise, plane)]
+    luma, u, v = (one.astype(np.uint8 if depth == 8 else np.uint16) for one in planes)
+    return Frame(0, 0, Fraction(1, 60), luma, u, v, depth, True, "bt601", 0, 1, "", False, None, True)
+
+
+@pytest.mark.parametrize(("depth", "down"), [(8, 1), (8, 2), (10, 2)])
+@pytest.mark.parametrize("distance_px", [-0.5, -0.2, 0.0, 0.4])
+def test_distance_of_colour_from_luma_is_measured_wherever_it_lies(distance_px: float, depth: int, down: int) -> None:
+    found, sigma = module._distance_px(textured(distance_px, depth=depth, down=down))
+    assert found == pytest.approx(distance_px, abs=0.03)
+    assert sigma < 0.05
+
+
+@pytest.mark.parametrize(("contrast", "is_seen"), [(0.06, True), (0.035, False)])
+def test_faint_colour_tells_the_distance_at_any_depth_of_samples_alike(contrast: float, *, is_seen: bool) -> None:
+    for depth in (10, 12):  # most changes of it are 0.3 or 0.2 levels of 8 bits a sample
+        found, sigma = module._distance_px(textured(0.2, depth=depth, contrast=contrast))
+        assert bool(np.isfinite(sigma)) == is_seen
+        assert found == pytest.approx(0.2 if is_seen else 0.0, abs=0.05)
+
+
+def test_standard_error_of_the_distance_is_the_scatter_of_its_median(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, frame = np.random.default_rng(4), textured(0.0)
+    monkeypatch.setattr(module, "_windows", lambda *_: [np.s_[:2, :2]] * 60)
+    monkeypatch.setattr(module, "_in_window", lambda *_: (rng.normal(0.1, 0.4), 1.0))
+    found, sigma = np.array([module._distance_px(frame) for _ in range(200)]).T
+    assert np.mean(found) == pytest.approx(0.1, abs=0.02)
+    assert np.mean(sigma) == pytest.approx(np.std(found), rel=0.2)
+    monkeypatch.setattr(module, "_in_window", lambda *_: (0.1, 1.0))  # as alike as edges of one camera may be
+    assert module._distance_px(frame)[1] == pytest.approx(1.25 * 0.17 / np.sqrt(120))
+
+
+def test_error_of_the_distance_in_a_window_follows_the_noise_of_its_colour() -> None:
+    rng, share, distance = np.random.default_rng(6), 0.4, 0.3
+    luma = np.cumsum(rng.normal(2.0, 5.0, (13, 13)), axis=1)  # rises along the row: slope and level go together
+    slope = np.gradient(luma, axis=1) + 0.02 * luma
+    color = [share * (luma + distance * slope) + rng.normal(0.0, 2.0, luma.shape) for _ in range(400)]
+    found, variance = np.array([module._in_window(one, luma, slope) for one in color]).T
+    assert np.mean(found) == pytest.approx(distance, abs=0.05)
+    assert np.mean(variance) - 0.17**2 == pytest.approx(np.var(found) * 4.5 / 4.0, rel=0.15)  # half a level² is added
+
+
+def test_colour_lies_between_the_columns_that_a_sample_spans() -> None:
+    grey = np.tile(np.array(PLATE, float), (48, 64, 1))
+    frame = stored(grey, MIDWAY)
+    for across, first in ((1, 0.0), (4, 1.5)):  # 4:4:4 and 4:1:1
+        assert first_column(replace(frame, luma=np.repeat(frame.u, across, axis=1))) == first

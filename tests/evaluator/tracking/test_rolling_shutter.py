@@ -35,6 +35,10 @@ def test_marks_lie_where_they_were_when_the_middle_row_was_exposed() -> None:
     assert np.hypot(*(values[:, :2] - on_circle(TIMES)).T).max() < 0.02
 
 
+def test_first_and_last_row_are_half_of_the_readout_from_the_middle_one() -> None:
+    np.testing.assert_allclose(SHUTTER.lag_s(np.array([0.0, 240.0, 480.0])), [-0.01, 0.0, 0.01], atol=1e-15)
+
+
 def test_absent_marks_stay_absent_and_their_neighbours_are_still_moved() -> None:
     values = marks(as_recorded())
     values[[0, 20, 21, 50]] = np.nan

@@ -58,6 +58,16 @@ def test_a_change_of_motion_is_told_from_five_sigmas_on_that_all_marks_of_a_body
     assert len(changed([dict(list(often.items())[:3])], monkeypatch)) == 33
 
 
+def test_patterns_are_the_deviations_of_a_path_with_a_bend_and_of_one_with_a_single_error() -> None:
+    frames, middle = np.arange(COUNT), COUNT // 2
+    around = np.arange(-motion_changes.REACH, motion_changes.REACH + 1) + middle
+    for pattern, off in zip(
+        motion_changes._patterns(), (np.maximum(frames - middle, 0.0), 1.0 * (frames == middle)), strict=True
+    ):
+        path = np.column_stack([0.3 * frames, 0.1 * frames]) + off[:, None]
+        np.testing.assert_allclose(Course(TIME_S, path).error[around, 0], pattern, atol=1e-9)
+
+
 def test_no_kind_of_frame_has_less_than_a_third_of_what_all_have_in_common() -> None:
     kinds = np.repeat(np.eye(2), 50, axis=1)  # 50 frames of each, whose neighbours count for nothing
     assert _shared_out(kinds, kinds, np.repeat([0.0, 2.0], 50)) == pytest.approx([1 / 3, 2.0])
