@@ -59,11 +59,15 @@ def search(monkeypatch: pytest.MonkeyPatch, levels: list[float], order: list[int
 
     def explained(session: Session, _: Any) -> Any:
         fit = fitted(tuple(run.number for run in session.data))  # type: ignore[attr-defined]
-        return None if fit.excess > EXPLAINED else (None, fit)
+        return None if fit.excess > EXPLAINED else (("problem of", fit.runs), fit)
+
+    def with_noise_of(problem: Any, parts: Any) -> Any:
+        assert all(part == ("problem of", runs) for runs, part in parts)
+        return problem
 
     monkeypatch.setattr(module, "fit_set", fit_set)
     monkeypatch.setattr(module, "_explained", explained)
-    monkeypatch.setattr(module, "_with_noise_of", lambda problem, _: problem)
+    monkeypatch.setattr(module, "_with_noise_of", with_noise_of)
     searched = SimpleNamespace(
         runs=whole.runs, tolerance=TOLERANCE, terms=TERMS, reached=lambda ids: None if ids else whole,
         ranked=lambda: [frozenset()], problem=SimpleNamespace(data=data, open_ground=False), anew=lambda **_: again,

@@ -135,3 +135,33 @@ def test_colour_lies_between_the_columns_that_a_sample_spans() -> None:
     frame = stored(grey, MIDWAY)
     for across, first in ((1, 0.0), (4, 1.5)):  # 4:4:4 and 4:1:1
         assert first_column(replace(frame, luma=np.repeat(frame.u, across, axis=1))) == first
+
+
+@pytest.mark.parametrize(("unexplained", "counts"), [(0.0, True), (0.29, True), (0.31, False), (1.0, False)])
+def test_a_window_counts_where_luma_and_its_slope_leave_less_than_three_tenths_of_the_colour(
+    unexplained: float, *, counts: bool
+) -> None:
+    wave = 2 * np.pi * np.arange(12) / 12
+    luma, slope, other = (
+        np.tile(function(by * wave), (12, 1)) for function, by in ((np.sin, 1), (np.cos, 1), (np.sin, 3))
+    )
+    color = np.sqrt(1 - unexplained) * (0.8 * luma + 0.6 * slope) + np.sqrt(unexplained) * other
+    found = module._in_window(color.astype(np.float32), luma.astype(np.float32), slope.astype(np.float32))
+    assert (found is not None) == counts
+    if found is not None:
+        assert found[0] == pytest.approx(0.75, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("distance", "sigma", "place"),
+    [
+        *((-0.5, 0.09, COSITED), (-0.5, 0.11, MIDWAY), (-0.69, 0.09, COSITED), (-0.31, 0.09, COSITED)),
+        *((-0.29, 0.0, MIDWAY), (-0.71, 0.0, MIDWAY)),
+    ],
+)
+def test_a_distance_tells_a_place_within_a_fifth_of_a_pixel_by_half_of_which_it_is_sure(
+    distance: float, sigma: float, place: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_distance_px", lambda _: (distance, sigma))
+    frame = replace(textured(0.0), cosited=None)  # where it does not tell, midway
+    assert first_column(frame) == place
