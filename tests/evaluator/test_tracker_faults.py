@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.interchange.tracker_faults import without_faults
+from evaluator.errors import InputError
+from evaluator.interchange.tracker_faults import mended, without_faults
 from evaluator.interchange.tracks import Tracks, read_any_marks
 from evaluator.marks import columns_of, write_marks
 from evaluator.robot_geometry import read_geometry
@@ -121,6 +122,23 @@ def test_marks_that_are_exchanged_twice_are_put_back_both_times() -> None:
     table = turning()
     found = without_faults(exchange(exchange(table, slice(40, 60)), slice(90, 120)), NAMES)
     pd.testing.assert_frame_equal(found, table, check_flags=False, check_dtype=False)
+
+
+def test_places_of_a_diagnosis_are_put_back_and_repeated_ones_are_missing() -> None:
+    table = turning()
+    found = mended(exchange(hold(table, 20, 40), slice(90, 120)), NAMES)
+    places = table[columns_of(NAMES)].to_numpy().reshape(ROWS, 2, 2)
+    repeated = np.arange(21, 40)
+    np.testing.assert_array_equal(np.delete(found.places_mm, repeated, axis=0), np.delete(places, repeated, axis=0))
+    assert np.isnan(found.places_mm[repeated, 1]).all()
+    assert np.flatnonzero(found.exchanged).tolist() == list(range(90, 120))
+
+
+def test_marks_of_a_file_must_be_those_of_the_robot(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    write_marks(table_of(), path)
+    with pytest.raises(InputError, match="front"):
+        read_any_marks(path, Tracks(), marks=("front", "back"))
 
 
 @pytest.mark.parametrize(("times", "notes"), [(0.9, 1), (0.7, 0)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from evaluator.interchange import log_offset as room
 from evaluator.interchange.commands import RunCommand
@@ -57,6 +58,21 @@ def test_interval_holds_the_truth_in_about_95_percent() -> None:
     found = [log_offset(time, driven(log(seed, 80), time, 0.3, seed), log(seed, 80), NEAR_S) for seed in range(20)]
     held = [one is not None and one.low_s < 0.3 < one.high_s for one in found]
     assert sum(held) >= 17
+
+
+def test_interval_is_the_jackknife_over_eighths_of_the_recording_with_students_t(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Source: Tukey (1958), Ann. Math. Stat. 29, 614."""
+    without = np.random.default_rng(3).normal(0.3, 0.01, room.BLOCKS)
+    values = iter([0.31, *without])
+    monkeypatch.setattr(room, "_least", lambda *_: next(values))
+    time = np.arange(0, 20, FRAME_S)
+    found = log_offset(time, driven(log(), time, 0.3), log(), NEAR_S)
+    assert found is not None
+    sigma = np.sqrt(7 / 8 * np.sum((without - without.mean()) ** 2))
+    half = stats.t.ppf(0.975, 7) * sigma
+    assert (found.value_s, found.low_s, found.high_s) == pytest.approx((0.31, 0.31 - half, 0.31 + half))
 
 
 def test_a_log_that_repeats_itself_is_not_taken_for_one_of_another_repetition() -> None:
