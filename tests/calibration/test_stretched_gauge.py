@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calibration.assessment.quality import assess
 from calibration.camera import camera_above
+from calibration.estimation import gauge_as_printed as module
 from calibration.estimation.bundle_adjustment import solve
 from calibration.estimation.calibrate import calibrate
 from calibration.estimation.gauge_as_printed import excess_found, stretch, stretched
@@ -52,6 +55,27 @@ def test_stretched_gauge_keeps_its_mean_pitch_and_counts_half_its_stretch_as_unc
     found = stretched(gauge_of(pitch_tolerance_percent=0.1), 0.004)
     assert found.pitch_mm == pytest.approx((3.006, 2.994))
     assert found.scale_sigma == pytest.approx(np.hypot(0.001, 0.002))
+
+
+@pytest.mark.parametrize(("held_out", "is_stretched"), [(0.5, True), (1.0, False)])
+def test_what_the_lens_had_taken_up_of_a_stretch_is_added_to_it(
+    held_out: float, *, is_stretched: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A first look tells 0.4 %, and one at the gauge stretched by it 0.03 % more."""
+    asked: list[Any] = []
+
+    def trials(sightings: Any, gauge: Any, prior: Any) -> Any:
+        del sightings, prior
+        asked.append(gauge)
+        return ["a view", "another"], [SimpleNamespace(held_out=1.0 if len(asked) == 1 else held_out, fit=gauge)]
+
+    found = {id(GAUGE): 0.004}
+    monkeypatch.setattr(module, "_trials", trials)
+    monkeypatch.setattr(module, "_stretch", lambda _, __, ___, gauge: (found.get(id(gauge), 0.0003), 1e-5))
+    monkeypatch.setattr(module, "chance", lambda *_: 0.1)
+    gauge = module.as_printed([], GAUGE, LOOSE)[0]
+    expected = stretched(GAUGE, 0.0043) if is_stretched else GAUGE
+    np.testing.assert_allclose(gauge.positions_mm(), expected.positions_mm())
 
 
 def test_gauge_of_a_calibration_is_recognised_in_its_file_and_another_one_is_not() -> None:
