@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from evaluator.cli.simulation.export_robot import export_robot
 from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
+from simulator.exchange.creep import contacts_in_turn
 from simulator.exchange.losses import losses
 from simulator.exchange.mjcf import mjcf
 from simulator.exchange.sdf import sdf
@@ -53,6 +54,29 @@ def test_the_radius_is_reproduced_in_mujoco(
     turn = steady_turn(robot, left_rpm, right_rpm)
     assert data.qvel[5] == pytest.approx(turn.yaw_rate_rad_s, rel=0.01)
     assert unit_mm * np.hypot(*data.qvel[:2]) / abs(data.qvel[5]) == pytest.approx(abs(turn.radius_mm), rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "left_rpm", "right_rpm"), [("barrel", 33.3, 14.4), ("four_driven", -60.0, -30.0)])
+def test_contacts_creep_by_the_slip_of_their_wheels_against_their_friction(
+    name: str, left_rpm: float, right_rpm: float
+) -> None:
+    """Slip ratio and angle are those of the simulated turn: Eq. (3) of the paper, and its slip angle."""
+    robot = load_robot(name)
+    turn, (_, contacts) = steady_turn(robot, left_rpm, right_rpm), contacts_in_turn(robot, left_rpm, right_rpm)
+    slips = zip(contacts, turn.wheels.slip_ratio.tolist(), turn.wheels.slip_angle_rad.tolist(), strict=True)
+    for contact, ratio, angle in slips:
+        along, across = contact.creep_mm_s
+        if contact.rpm is None:
+            assert along == 0.0
+            continue
+        surface = contact.rpm * 2 * np.pi / 60 * contact.wheel.radius_mm
+        forward = surface + along
+        assert along / max(abs(forward), abs(surface)) == pytest.approx(ratio, rel=1e-6)
+        assert across / abs(forward) == pytest.approx(np.tan(angle), rel=1e-6)
+        assert np.sign(contact.force_N).tolist() == (-np.sign(contact.creep_mm_s)).tolist()
+    assert sum(contact.load_N for contact in contacts) == pytest.approx(
+        9.8e-3 * robot.body.mass_g + sum(contact.attraction_N for contact in contacts)
+    )
 
 
 def test_every_wheel_has_a_contact_and_every_driven_one_a_motor() -> None:
