@@ -126,6 +126,16 @@ LAWS: dict[tuple[str, str, str], tuple[Any, tuple[float, ...], str]] = {
         (0.3,),
         "in left and -0.3 deg/s in right turns",
     ),
+    ("along_mm_s", "left and right", "odd"): (
+        lambda row: 0.3 * row["side"],
+        (0.3,),
+        "is off by +0.3 mm/s in left and -0.3 mm/s in right turns",
+    ),
+    ("yaw_deg_s", "forward and backward", "odd"): (
+        lambda row: 0.3 * row["direction"],
+        (0.3,),
+        "is off by +0.3 deg/s forward and -0.3 deg/s backward",
+    ),
     ("yaw_deg_s", "direction times side", ""): (
         lambda row: 0.3 * row["side"] * row["direction"],
         (0.3,),
@@ -238,22 +248,24 @@ def test_size_of_a_disagreement_is_its_rms_with_bounds_over_runs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("by", "fold", "at"),
+    ("by", "fold", "crest", "at"),
     [
-        ("heading", 1, "40 degrees"),
-        ("twice the heading", 2, "40 and 220 degrees"),
-        ("three times the heading", 3, "40 and 160 and 280 degrees"),
-        ("four times the heading", 4, "40 and 130 and 220 and 310 degrees"),
+        ("heading", 1, 40.0, "40 degrees"),
+        ("heading", 1, -70.0, "290 degrees"),
+        ("twice the heading", 2, 40.0, "40 and 220 degrees"),
+        ("twice the heading", 2, -30.0, "150 and 330 degrees"),
+        ("three times the heading", 3, 40.0, "40 and 160 and 280 degrees"),
+        ("four times the heading", 4, 40.0, "40 and 130 and 220 and 310 degrees"),
     ],
 )
-def test_a_wave_over_the_heading_is_found_with_all_its_crests(by: str, fold: int, at: str) -> None:
+def test_a_wave_over_the_heading_is_found_with_all_its_crests(by: str, fold: int, crest: float, at: str) -> None:
     mean = disagreeing()["speed_rpm"].mean()
     table = disagreeing(
-        along_mm_s=lambda row: 0.3 * row["speed_rpm"] / mean * np.cos(fold * np.radians(row["heading_deg"] - 40.0))
+        along_mm_s=lambda row: 0.3 * row["speed_rpm"] / mean * np.cos(fold * np.radians(row["heading_deg"] - crest))
     )
     found = {(d.by, d.parity): d for d in every_dependence(table) if d.quantity == "along_mm_s"}[by, "even"]
     assert [size[0] for size in found.sizes] == pytest.approx(
-        [0.3 * np.cos(np.radians(40 * fold)), 0.3 * np.sin(np.radians(40 * fold))], abs=0.003
+        [0.3 * np.cos(np.radians(crest * fold)), 0.3 * np.sin(np.radians(crest * fold))], abs=0.003
     )
     assert f"0.3 mm/s more at {at}, whichever way it drives" in found.sentence
 

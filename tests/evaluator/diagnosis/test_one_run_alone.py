@@ -241,9 +241,12 @@ def test_the_others_are_not_diagnosed_if_they_need_the_same_free_form_term(
     monkeypatch: pytest.MonkeyPatch, *, needed: bool
 ) -> None:
     around(monkeypatch)
-    monkeypatch.setattr(module, "is_needed_without", lambda *_: needed)
+    families = []
+    monkeypatch.setattr(module, "is_needed_without", lambda *said: (families.append(said[3]), needed)[1])
     asked = []
     whole = finding("unknown", chosen=frozenset({"free:x"}))
+    whole = replace(whole, terms=dict.fromkeys(("free:x", "free:y", "plate-tilt")))
     monkeypatch.setattr(module, "_diagnosed", lambda session, *_: asked.append(len(session.data)) or whole)
     assert diagnose(whole.session, no_progress).verdict == "unknown"
     assert asked == ([12] if needed else [12, 11])
+    assert families == [2]  # of free-form terms, whose number counts in the prior of each

@@ -142,7 +142,13 @@ def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
         ("none", {"grown": "grows"}, "none", "so", True),  # nothing was added
         ("effect", {}, "effect", "so", True),
         ("effect", {"grown": "grows"}, "unknown", "grows", True),
-        ("effect", {"grown": "grows", "few": "too few"}, "insufficient", "grows; too few", False),
+        (
+            "effect",
+            {"grown": "with it, grows", "few": "too few"},
+            "insufficient",
+            "with plate-tilt, grows; too few",
+            False,
+        ),
         ("effect", {"missed": "yaw"}, "effect", "so", True),
         ("effect", {"few": "too few"}, "effect", "so", True),
         ("unknown", {"grown": "grows"}, "unknown", "so; grows with it", False),
@@ -156,6 +162,7 @@ def test_what_contradicts_an_answer(
     found = doubted(monkeypatch, answered(verdict, chosen), **against)
     assert (found.verdict, found.chosen) == (said, chosen if kept else frozenset())
     assert reason in found.reason
+    assert found.reason.startswith("with ") == reason.startswith("with ")
 
 
 def test_a_model_that_follows_no_run_is_unknown_and_effects_that_do_not_matter_leave_no_doubt(
