@@ -27,6 +27,18 @@ def test_steady_turn_is_where_integration_ends(ratio: float) -> None:
     assert run.u_mm_s[-1] == pytest.approx(turn.u_mm_s, rel=1e-7, abs=1e-9)
 
 
+@pytest.mark.parametrize(("left_rpm", "right_rpm"), [(14.0, 30.0), (30.0, 14.0), (-14.0, -30.0), (-30.0, -14.0)])
+def test_radius_is_positive_where_the_centre_is_to_the_left_forward_and_backward(
+    left_rpm: float, right_rpm: float
+) -> None:
+    turn = steady_turn(load_robot("barrel"), left_rpm, right_rpm)
+    left_mm = turn.u_mm_s / turn.yaw_rate_rad_s  # of the instantaneous centre in the body frame
+    assert (left_mm > 0) == (abs(right_rpm) > abs(left_rpm))
+    assert turn.radius_mm == pytest.approx(np.copysign(turn.speed_mm_s / abs(turn.yaw_rate_rad_s), left_mm))
+    again = steady_map(load_robot("barrel"), [left_rpm], [right_rpm / left_rpm])
+    assert again.curvature_per_mm[0, 0] == pytest.approx(1 / turn.radius_mm, rel=1e-6)
+
+
 def test_forces_balance_and_wheels_are_reported() -> None:
     robot = load_robot("barrel")
     turn = steady_turn(robot, 30.0, 12.0)

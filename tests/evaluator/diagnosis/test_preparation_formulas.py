@@ -131,6 +131,26 @@ def test_marks_that_are_computed_from_poses_tell_nothing_by_their_distance(monke
     np.testing.assert_array_equal(rigid, [used, np.zeros(40)])
 
 
+@pytest.mark.parametrize("walk", [0.0, 0.5])
+def test_features_are_whitened_for_what_friction_wanders_by_its_rate_and_for_late_changes(
+    walk: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    wander, more, known = rng.normal(size=(3, 7, 4)), rng.normal(size=(2, 7, 4)), rng.normal(size=(4, 7, 4))
+    part: Any = SimpleNamespace(of_tracking=lambda shifts: shifts.sum(axis=1), ground=None, random_mm=0.0)
+    problem: Any = SimpleNamespace(data=[None], compressions=[part], friction_wander=walk, change_sigma_s=0.1)
+    monkeypatch.setattr(preparation, "replace", replaced)
+    monkeypatch.setattr(preparation, "late_shifts", lambda *_: [more])
+    monkeypatch.setattr(preparation, "friction_shifts", lambda *_: [(known, wander)])
+    monkeypatch.setattr(preparation, "whitening", lambda columns: columns)
+    (found,) = preparation._with_random_shifts(problem, Point(np.zeros((1, 7)))).compressions
+    shifts = np.concatenate([walk * wander, more])[0 if walk else 3 :]
+    np.testing.assert_allclose(found.ground, shifts.sum(axis=1).T)
+    left = shifts[:, :, :2].reshape(-1, 14).T
+    left = left - (basis := np.linalg.qr(known[:, :, :2].reshape(4, 14).T)[0]) @ basis.T @ left
+    assert found.random_mm == pytest.approx(np.sqrt(np.sum(left**2) / 7))
+
+
 def replaced(item: Any, **more: Any) -> Any:
     """An item, a dataclass or a stand-in of one, with other values."""
     return SimpleNamespace(**{**vars(item), **more}) if isinstance(item, SimpleNamespace) else replace(item, **more)

@@ -14,6 +14,7 @@ from evaluator.turning.measure import _with_radii
 from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.path import PointPath
 from evaluator.turning.phase_table import Phase
+from evaluator.turning.result import only_mark
 from evaluator.turning.sustained import Sustained
 
 PHASE = Phase(0.5, 2.0, "turn", 5.0, 4.9, 5.2, -2.0, 90.0)
@@ -131,3 +132,13 @@ def test_a_radius_that_varies_says_by_how_much_and_when_it_was_tightest() -> Non
     unsure = read(Curvature(-0.25, -0.6, 0.1, 0.18), varies=True)
     assert unsure.radius_status.endswith("; no stretch turns for certain")
     assert np.isnan(unsure.radius_mm)
+
+
+def test_the_only_mark_of_a_row_is_that_whose_speed_is_known() -> None:
+    """A table of several robots has the columns of all of them."""
+    steady = {"radius_low_mm": 4.0, "steady_radius_low_mm": 4.0}
+    assert only_mark({**steady, "front_radius_low_mm": 3.0, "front_speed_mm_s": 2.5}) == "front"
+    assert only_mark({**steady, "front_radius_low_mm": float("nan"), "front_speed_mm_s": float("nan")}) == ""
+    both = {"a_radius_low_mm": float("nan"), "a_speed_mm_s": float("nan"), "b_radius_low_mm": 3.0, "b_speed_mm_s": 2.0}
+    assert only_mark(both) == "b"
+    assert only_mark({**steady, "green_speed_mm_s": 2.0}) == ""  # of a robot with two marks
