@@ -119,3 +119,16 @@ def test_a_moving_start_goes_on_as_the_run_before_it_went() -> None:
     assert later.heading_rad[-1] == pytest.approx(whole.heading_rad[-1], abs=1e-5)
     stands = simulate(robot, command, whole.time_s[20:], pose)
     assert abs(stands.heading_rad[1] - later.heading_rad[1]) > 1e-5
+
+
+def test_a_geared_command_turns_either_side_by_its_factor_at_the_same_times() -> None:
+    command = Command.steps([(0.5, 30, -20), (2.0, 0, 10)]).geared(1.1, 0.5)
+    np.testing.assert_allclose(command.knots, [[0.5, 0, 0], [0.5, 33, -10], [2, 33, -10], [2, 0, 5]])
+
+
+def test_motors_are_off_before_a_constant_command_and_after_it_and_it_ends_after_it_begins() -> None:
+    left, right = Command.constant(30.0, -20.0, 0.5, 2.0).at(np.array([0.4, 0.5, 1.9, 2.0]))
+    assert (left.tolist(), right.tolist()) == ([0.0, 30.0, 30.0, 0.0], [0.0, -20.0, -20.0, 0.0])
+    for stop_s in (0.5, 0.4):
+        with pytest.raises(SimulationError, match=f"stop_s = {stop_s} is not after start_s = 0.5"):
+            Command.constant(30.0, -20.0, 0.5, stop_s)

@@ -115,6 +115,8 @@ def test_a_motor_lags_by_a_ten_thousandth_of_its_rotation_and_starts_no_faster_t
     mjcf._motor(actuators, contact(load_N=1e3), SMALL, ROBOT)
     gains = [float(item.get("kv", "")) for item in actuators]
     assert gains == pytest.approx([240 / 1e-4 / pi, 240 / 1e-4 / (pi / 30), 1e9 * 0.512 / pi], rel=1e-4)
+    mjcf._motor(actuators, contact(), LARGE, ROBOT)  # N m s instead of µN mm s
+    assert float(actuators[-1].get("kv", "")) == pytest.approx(gains[0] * 1e-9, rel=1e-4)
     mjcf._attraction(actuators, contact(), SMALL)
     assert numbers(actuators[-1].get("biasprm")) == near(500, 0, 0)
     assert (actuators[-1].get("site"), actuators[-1].get("gear")) == ("over_left", "0 0 -1 0 0 0")
@@ -164,6 +166,7 @@ def test_body_and_wheels_of_a_model_for_gazebo_are_in_metres_kilograms_and_newto
     assert text("visual/geometry/box/size") == near(6e-3, 4e-3, 1.5e-3)
     assert text("collision/pose") == near(-2e-3, 0, 5e-4, 0, 0, 0)
     assert text("collision/geometry/sphere/radius") == near(5e-4)
+    assert [float(item.text or "") for item in link.iter() if item.tag in ("mu", "mu2")] == [0.0, 0.0]  # a ball rolls
     sdf._wheel(model, ROBOT, contact())
     wheel = model[1]
     assert numbers(wheel.findtext("pose"))[:3] == near(1.5e-3, 2e-3, 8e-4)

@@ -139,6 +139,14 @@ def test_the_only_run_that_drives_backward_in_a_part_of_its_log_is_fitted(repeat
     assert held_out != usual
 
 
+def test_no_run_is_held_out_twice() -> None:
+    """A command of two runs is held out as a whole, and a run of each of the three others; the sixth is any other."""
+    rpm = [(20.0, 20.0)] * 2 + [(30.0, 30.0)] * 11 + [(40.0, 40.0)] * 11 + [(50.0, 50.0)] * 12
+    aside = held_out_runs(_runs(rpm))
+    assert set(aside) >= {0, 1}
+    assert len(set(aside)) == len(aside) == 6
+
+
 def test_of_fewer_than_six_runs_none_is_held_out_and_of_six_one() -> None:
     assert held_out_runs(_runs([(20.0, 20.0), (40.0, 40.0)] * 2 + [(20.0, 20.0)])) == ()
     assert len(held_out_runs(_runs([(20.0, 20.0), (40.0, 40.0)] * 3))) == 1
