@@ -17,7 +17,6 @@ from simulator.compilation import compiled
 VECTORS = {"contract", "reassoc", "nsz"}
 QUARTER, HALF = math.pi / 4, math.pi / 2
 NEAR, FAR = math.tan(math.pi / 8), math.tan(3 * math.pi / 8)
-MOST_SHAPE = 2.0  # up to which a·atan(x) <= pi; beyond it, friction at large slip would act along the sliding
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
@@ -53,13 +52,13 @@ def sine(x: float) -> float:
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def sine_of_atan(x: float, shape: float) -> float:
-    """sin(shape·atan(x)) for x >= 0 and shape <= MOST_SHAPE."""
+    """sin(shape·atan(x)) for x >= 0 and shape <= 2, up to which shape·atan(x) <= pi."""
     angle = shape * arctangent(x)
     return sine(min(angle, math.pi - angle))
 
 
 @compiled(forceinline=True, fastmath=VECTORS)
 def sine_and_cosine_of_atan(x: float, shape: float) -> tuple[float, float]:
-    """Sine and cosine of shape·atan(x) for x >= 0 and shape <= MOST_SHAPE."""
+    """Sine and cosine of shape·atan(x) for x >= 0 and shape <= 2, up to which shape·atan(x) <= pi."""
     angle = shape * arctangent(x)
     return sine(min(angle, math.pi - angle)), sine(HALF - angle)

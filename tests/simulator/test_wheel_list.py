@@ -174,9 +174,11 @@ def test_two_driven_wheels_and_a_ball_turn_as_they_roll() -> None:
 
 def test_casters_carry_load_without_friction() -> None:
     robot = robot_with([*pair(0.0), ball(-3.0, 0.0)], {"center_of_gravity_mm": [-1.0, 0.0]})
-    grip = compile_robot(robot)["grip_y"][0]
+    model = compile_robot(robot)
+    grip = model["grip_y"][0]
     each = robot.slip.lateral_friction * robot.weight_uN / 3
     assert grip == pytest.approx([each, each, 0.0, 0.0])
+    assert model["grip_x"][0, 2:].tolist() == [0.0, 0.0]
 
 
 def test_a_wheel_may_have_a_slip_law_of_its_own() -> None:
