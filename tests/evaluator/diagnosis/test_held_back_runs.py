@@ -86,6 +86,17 @@ def test_point_that_the_others_reach_counts_only_if_it_is_better_for_all(
     assert found == (ahead if better else None)
 
 
+@pytest.mark.parametrize(("size", "better"), [(2.0, True), (-2.0, True), (2.2, False)])
+def test_what_known_values_move_counts_against_a_point_by_its_square(
+    size: float, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    optimum = step_with(monkeypatch, dict.fromkeys(RUNS, -0.21))  # 4.4 less in all
+    optimum.prior = np.ones(1)
+    ahead = fit_at(size).point
+    found = settled_at(SimpleNamespace(), fit_at(0.0), optimum, ahead)  # type: ignore[arg-type]
+    assert found == (ahead if better else None)
+
+
 def test_others_are_fitted_alone_and_their_steps_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 

@@ -218,6 +218,24 @@ def test_a_line_search_goes_to_the_first_point_that_improves_or_to_the_farthest(
     assert point.terms["line"][0] == pytest.approx(1.0 + 2.0 * damping if damping else 0.0)
 
 
+def test_a_full_step_that_was_tried_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    optimum: Any = SimpleNamespace(
+        theta=np.array([1.0]), goal=np.array([3.0]), scatter=TAU, prior=np.zeros(1), now=np.array([2.0, 0.0])
+    )
+    tried = []
+
+    def settled(_: Any, there: Point, *__: Any) -> tuple[Point, np.ndarray]:
+        tried.append(there.terms["line"][0])
+        return there, np.array([1.0])
+
+    monkeypatch.setattr(steps, "settled_by_run", settled)
+    full = fit().point, np.array([1.0, 0.0])
+    point, found = steps.line_search(problem(), fit(), optimum, full=full)
+    assert found
+    assert tried == pytest.approx([1.8])
+    assert point.terms["line"][0] == pytest.approx(1.8)
+
+
 def walked(
     monkeypatch: pytest.MonkeyPatch,
     predicted: list[float],
