@@ -58,7 +58,11 @@ def test_misfit_is_what_no_rotation_and_shift_take_away_and_extent_the_larger_of
 
 
 @pytest.mark.parametrize(
-    ("turned", "kinds"), [(-0.9, {"sides-swapped", "mirrored"}), (-0.3, {"sides-swapped", "mirrored"}), (-0.2, set())]
+    ("turned", "kinds"),
+    [
+        *((-0.9, {"sides-swapped", "mirrored"}), (-0.3, {"sides-swapped", "mirrored"})),
+        *((-0.2, set()), (0.3, set()), (0.9, set())),
+    ],
 )
 def test_a_run_turns_the_other_way_only_if_it_does_by_a_quarter(turned: float, kinds: set[str]) -> None:
     """Of what its command says; mirrored, it turns that way, which is compared."""
