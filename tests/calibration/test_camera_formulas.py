@@ -116,6 +116,9 @@ def test_uncertainty_of_lengths_is_that_of_focal_length_and_height_without_the_p
     focal[index["focal_px"], index["focal_px"]] = 6.0**2
     assert replace(camera, covariance=focal).scale_sigma(6.5) == pytest.approx(0.01)
     assert replace(camera, covariance=focal).scale_sigma(6.5, (100.0, 400.0)) == pytest.approx(0.01)
+    aspect = np.zeros((16, 16))
+    aspect[PARAMETERS.index("aspect"), PARAMETERS.index("aspect")] = 0.01**2  # of lengths along y alone
+    assert replace(camera, covariance=aspect).scale_sigma(6.5) == pytest.approx(0.005)
     pitch = np.zeros(16)
     pitch[index["translation_z_mm"]] = 0.18  # of 90 mm, and of 83.5 mm at 6.5 mm above the plate
     both = replace(camera, covariance=focal + np.outer(pitch, pitch), pitch_error=pitch)
