@@ -149,6 +149,21 @@ def test_marks_that_are_a_quarter_too_near_each_other_are_not_exchanged_but_wron
     assert len(without_faults(table, NAMES).attrs["faults"]) == notes
 
 
+@pytest.mark.parametrize(("turned_deg", "exchanged"), [(110.0, 0), (130.0, 80), (-130.0, 80), (-110.0, 0)])
+def test_marks_are_exchanged_where_they_turn_at_once_by_a_third_of_a_revolution(
+    turned_deg: float, exchanged: int
+) -> None:
+    """A robot that a hand turns by less between two rows is no exchange of its marks."""
+    table = turning()
+    green, yellow = (table[columns_of([name])].to_numpy() for name in NAMES)
+    middle, half = (green + yellow) / 2, (green - yellow) / 2
+    angle = np.radians(turned_deg) * (np.arange(ROWS) >= 120)
+    cos, sin = np.cos(angle), np.sin(angle)
+    half = np.column_stack([cos * half[:, 0] - sin * half[:, 1], sin * half[:, 0] + cos * half[:, 1]])
+    table[columns_of(NAMES)] = np.hstack([middle + half, middle - half])
+    assert mended(table, NAMES).exchanged.sum() == exchanged
+
+
 def test_the_smaller_part_is_put_back() -> None:
     found = without_faults(exchange(turning(), slice(20, None)), NAMES)
     pd.testing.assert_frame_equal(found, exchange(turning(), slice(None)), check_flags=False, check_dtype=False)

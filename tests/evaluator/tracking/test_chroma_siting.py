@@ -118,6 +118,9 @@ def test_standard_error_of_the_distance_is_the_scatter_of_its_median(monkeypatch
     assert np.mean(sigma) == pytest.approx(np.std(found), rel=0.2)
     monkeypatch.setattr(module, "_in_window", lambda *_: (0.1, 1.0))  # as alike as edges of one camera may be
     assert module._distance_px(frame)[1] == pytest.approx(1.25 * 0.17 / np.sqrt(120))
+    for windows, told in ((1, False), (2, True)):  # of two planes: four tell something
+        monkeypatch.setattr(module, "_windows", lambda *_, count=windows: [np.s_[:2, :2]] * count)
+        assert bool(np.isfinite(module._distance_px(frame)[1])) == told
 
 
 def test_error_of_the_distance_in_a_window_follows_the_noise_of_its_colour() -> None:

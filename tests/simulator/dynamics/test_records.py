@@ -212,3 +212,14 @@ def test_a_support_that_lifted_off_presses_again_where_the_body_sinks_there() ->
     sunk = np.column_stack([np.ones(6), places]) @ plane
     assert (sunk[~resting] <= 1e-6).all()
     assert load[resting] == pytest.approx(sunk[resting])
+
+
+def test_the_moment_of_inertia_is_that_of_a_uniform_box_unless_it_is_stated() -> None:
+    robot = load_robot("barrel")
+    body = robot.body.model_copy(update={"length_mm": 6.0, "width_mm": 2.0, "mass_g": 0.5, "yaw_inertia_g_mm2": None})
+    x, y = np.meshgrid(*(length * ((np.arange(1000) + 0.5) / 1000 - 0.5) for length in (6.0, 2.0)))
+    assert robot.model_copy(update={"body": body}).yaw_inertia_g_mm2 == pytest.approx(
+        0.5 * np.mean(x**2 + y**2), rel=1e-4
+    )
+    stated = body.model_copy(update={"yaw_inertia_g_mm2": 3.0})
+    assert robot.model_copy(update={"body": stated}).yaw_inertia_g_mm2 == 3.0
