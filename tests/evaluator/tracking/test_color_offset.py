@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.tracking.uncertainty.color_offset import AROUND, OWN, SHARE, ColorOffsets
+from evaluator.tracking.uncertainty.color_offset import AROUND, ColorOffsets
 
 COUNT, SAMPLE_PX, NOISE_PX = 400, 2.0, 0.2
 TIME_S = np.arange(COUNT) / 60
@@ -22,7 +22,7 @@ def noted(offset_px: np.ndarray, *, step_px: float = 1.5, area: float = 1.0, noi
 
 def test_half_of_a_lasting_offset_is_the_error_of_the_disc() -> None:
     variance = noted(np.tile([0.8, -0.6], (COUNT, 1)))
-    expected = SHARE**2 * (1.0 / 2 - (OWN * SAMPLE_PX) ** 2)  # of an offset of 1 px, the mean of both axes
+    expected = 0.5**2 * (1.0 / 2 - (0.07 * SAMPLE_PX) ** 2)  # of an offset of 1 px, the mean of both axes
     assert np.sqrt(variance) == pytest.approx(np.full(COUNT, np.sqrt(expected)), rel=0.2)
 
 
@@ -45,3 +45,11 @@ def test_mark_at_rest_and_colour_of_another_object_show_nothing(wrong: dict[str,
 
 def test_offset_that_changes_its_sign_in_every_frame_does_not_last() -> None:
     assert noted(np.outer((-1.0) ** np.arange(COUNT), [0.8, 0.8]), noise_px=0.0).max() == 0.0
+
+
+@pytest.mark.parametrize(("samples", "told"), [(0.068, False), (0.072, True)])
+def test_an_offset_of_less_than_a_fourteenth_of_a_sample_is_that_of_the_colour_itself(
+    samples: float, told: bool
+) -> None:
+    offset = samples * SAMPLE_PX  # along either axis
+    assert (noted(np.full((COUNT, 2), offset), noise_px=0.0).max() > 0.0) == told
