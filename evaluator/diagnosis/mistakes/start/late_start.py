@@ -41,8 +41,9 @@ class _Begun:
 
     @property
     def rpm(self) -> float:
-        """Command of the faster wheel at the start."""
-        return unsigned_rpm(*(float(rpm) for rpm in self.run.run_command.command.at(self.run.start_s)))[1]
+        """Command of the faster wheel at the onset, from which its motor turns at the latest."""
+        at_s = max(self.run.start_s, self.onset.time_s)
+        return unsigned_rpm(*(float(rpm) for rpm in self.run.run_command.command.at(at_s)))[1]
 
 
 def late_starts(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:

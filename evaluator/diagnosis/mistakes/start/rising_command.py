@@ -47,8 +47,8 @@ def waited_for_a_threshold(run: RunData, begins_s: float, later_s: float, least_
 
     A dead band or a static friction is an effect, no wrong start: the robot then follows the log as it is, whereas with
     a wrong start it follows a delayed one. begins_s: onset of the motion. later_s: delay of the motors, if the start is
-    wrong. least_rpm: the least command of the faster wheel at which a run has begun in time. The command must be below
-    it until the onset, and be higher afterwards than at first.
+    wrong. least_rpm: the least command of the faster wheel at which a run begins to move in time. The command must be
+    below it until the onset, and be higher afterwards than at first.
     """
     moments = np.array([run.start_s, max(begins_s - AROUND_S, run.start_s), begins_s + AROUND_S])
     at_start, before, after = _faster_rpm(run, moments)
