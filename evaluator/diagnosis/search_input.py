@@ -29,6 +29,9 @@ Floats = NDArray[np.float64]
 
 UNSEEN_SIGMAS = 0.5  # response of all runs to one tolerance of a nominal value, below which the value is not fitted
 
+# Of a ramp of 20 rpm/s, steps of 1 rpm, each of which changes the begin of a motion by three frames.
+PASSED_S, PASSED_DIGITS = 0.05, 2
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -62,6 +65,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
         one_frame=frame,
         commands_recur=session.commands_recur,
         driven_magnets=has_driven_magnets(session.robots[0]),
+        passed_rpm=_passed_rpm(session),
     )
     named = {effect: term for effect, term in every.items() if effect not in given}
     own = [EFFECTS[effect] for effect in session.own]
@@ -128,3 +132,13 @@ def _reach(session: Session) -> float:
 
 def _levels(session: Session) -> tuple[float, ...]:
     return tuple(sorted({abs(rpm) for run in session.data for rpm in run.command}))
+
+
+def _passed_rpm(session: Session) -> tuple[float, ...]:
+    """Distinct values of commanded |rpm|, those of the logs of all runs included; of ramps every PASSED_S."""
+    found = [np.abs([run.command for run in session.data]).ravel()]
+    for run in session.data:
+        if run.log is not None:
+            at = run.run_command.command.at(np.arange(run.start_s, float(run.time_s[-1]), PASSED_S))
+            found.append(np.abs([*run.run_command.command.knots[:, 1:].T.ravel(), *np.ravel(at)]))
+    return tuple(np.unique(np.concatenate(found).round(PASSED_DIGITS)).tolist())

@@ -41,13 +41,15 @@ class Scene:
     """Properties of the fitted runs that coordinates may depend on.
 
     reach_mm: largest distance of the robot from the origin of the plate; command_levels_rpm: distinct values of
-    commanded |rpm|; size: of the robot; driven_magnets: whether the plate attracts wheels without a motor.
+    commanded |rpm|; size: of the robot; driven_magnets: whether the plate attracts wheels without a motor; passed_rpm:
+    distinct values of |rpm| that logs pass as well, if they are known.
     """
 
     reach_mm: float
     command_levels_rpm: tuple[float, ...]
     size: Size = PAPER_SIZE
     driven_magnets: bool = True
+    passed_rpm: tuple[float, ...] = ()
 
     @property
     def usual_rpm(self) -> float:

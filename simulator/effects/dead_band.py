@@ -15,12 +15,13 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """The band lies between two commanded levels, or above the largest; no run determines it more closely.
+    """The band lies between two levels that commands hold or pass, or above the largest; no run determines it better.
 
     On open ground it is not tried above the largest command: there the noise is estimated from the misfit of the model,
     so that a robot that never moves could be the best of several bad models although every recording shows motion.
     """
-    levels = sorted({round(level, 6) for level in scene.command_levels_rpm if level > 0})
+    passed = scene.passed_rpm or scene.command_levels_rpm
+    levels = sorted({round(level, 6) for level in passed if level > 0})
     gaps = tuple(zip(levels, [*levels[1:], 2 * levels[-1]], strict=True)) if levels else ()
     gaps = gaps[:-1] if scene.size.on_ground else gaps
 

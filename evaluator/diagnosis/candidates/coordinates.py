@@ -53,6 +53,7 @@ def named_terms(
     one_frame: bool = True,
     commands_recur: bool = True,
     driven_magnets: bool = True,
+    passed_rpm: tuple[float, ...] = (),
 ) -> dict[str, Candidate]:
     """All effects of the catalogue, and those of the user, as candidates by id.
 
@@ -60,9 +61,9 @@ def named_terms(
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
     omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
-    omitted. driven_magnets: see Scene. On a plate, effects of open ground are omitted.
+    omitted. driven_magnets, passed_rpm: see Scene. On a plate, effects of open ground are omitted.
     """
-    scene = Scene(reach_mm, command_levels_rpm, size, driven_magnets)
+    scene = Scene(reach_mm, command_levels_rpm, size, driven_magnets, passed_rpm)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}

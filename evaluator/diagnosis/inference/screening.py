@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from evaluator.diagnosis.inference.fitted_model import model_columns, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate
+
+MOST_STARTS = 32  # of a stepwise term in one linearization: experiments without logs rarely have more levels
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,42 @@ class Screen:
 
 
 def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Candidate]) -> Screen:
-    """Linearize at a point with the terms inside and every candidate not inside."""
+    """Linearize at a point with the terms inside and every candidate not inside.
+
+    Of many values of a stepwise term, a few are tried, and again between the neighbours of the best of them.
+    """
+    every = tuple(candidates)
+    tried = {term.id: _spread(0, len(term.starts) - 1) for term in every if term.stepwise and term.id not in inside}
+    while True:
+        view = _screened(search, point, inside, [_of_starts(term, tried.get(term.id)) for term in every])
+        finer = {term.id: _about_best(view, term, tried[term.id]) for term in every if term.id in tried}
+        if finer == tried:
+            return view
+        tried = finer
+
+
+def _spread(first: int, last: int) -> list[int]:
+    """At most MOST_STARTS indices from the first to the last one."""
+    return [int(k) for k in np.unique(np.linspace(first, last, min(last - first + 1, MOST_STARTS)).round())]
+
+
+def _of_starts(term: Candidate, tried: Sequence[int] | None) -> Candidate:
+    return term if tried is None else replace(term, starts=tuple(term.starts[k] for k in tried))
+
+
+def _about_best(view: Screen, term: Candidate, tried: list[int]) -> list[int]:
+    """Indices of starts between the neighbours of the best one tried; the same, if there are no others."""
+    mine = [offer for offer in view.offers if offer[0] == term.id]
+    if not mine:
+        return tried
+    best = term.starts.index(view.start_of(max(mine, key=view.evidence)))
+    at = tried.index(best)
+    first, last = tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
+    return tried if last - first <= 2 else _spread(first, last)
+
+
+def _screened(search: Search, point: Point, inside: Sequence[str], candidates: Iterable[Candidate]) -> Screen:
+    """The linearization of screen with all starts of the candidates."""
     columns = [*model_columns([search.terms[effect] for effect in inside], search.tolerance, search.problem.given)]
     base = tuple(range(len(columns)))
     offers, whole = [], {}

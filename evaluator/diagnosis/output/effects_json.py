@@ -14,6 +14,7 @@ from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, is
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.steps_of_a_term import likely_interval
 from evaluator.diagnosis.output.content import Bounded, EffectContent
 from evaluator.diagnosis.output.silence import silent_reaches
 from evaluator.diagnosis.result import Diagnosis
@@ -117,7 +118,7 @@ def parameters(diagnosis: Diagnosis, term: Candidate) -> dict[str, Bounded]:
     """Value and 95 % interval of every physical parameter of a term of the chosen set."""
     values = diagnosis.fit.point.terms[term.id]
     if term.stepwise:
-        return _stepwise(term, values)
+        return _stepwise(diagnosis, term, values)
     best, drawn = term.physical(values), _drawn(diagnosis, (term,))
     return {name: _interval(best[name], drawn[name], _period(term.id, name)) for name in best}
 
@@ -194,9 +195,11 @@ def _interval(best: float, draws: Floats, period: float | None) -> Bounded:
     return _bounded((best, float(low), float(high)))
 
 
-def _stepwise(term: Candidate, values: Sequence[float]) -> dict[str, Bounded]:
+def _stepwise(diagnosis: Diagnosis, term: Candidate, values: Sequence[float]) -> dict[str, Bounded]:
     """Parameters of a stepwise response: every value between two steps is equally probable."""
-    edges = next(gap for gap in term.between if gap[0] <= values[0] <= gap[1])
+    search = diagnosis.search
+    assert search is not None
+    edges = likely_interval(search.problem, diagnosis.fit, term, search.tolerance)
     best, low, high = (term.physical((value,)) for value in (values[0], *edges))
     return {name: _bounded((best[name], low[name], high[name])) for name in best}
 
