@@ -12,10 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.inference.bounds import bounds
+from evaluator.diagnosis.inference.descent.linearized_optimum import Optimum, optimum_of
+from evaluator.diagnosis.inference.descent.steps import (
+    DAMPINGS,
+    SETTLED,
+    full_step,
+    line_search,
+    obstructing_runs,
+    settled_at,
+)
 from evaluator.diagnosis.inference.fit_cache import End, question_of
 from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
-from evaluator.diagnosis.inference.linearized_optimum import Optimum, optimum_of
-from evaluator.diagnosis.inference.steps import DAMPINGS, SETTLED, full_step, line_search, obstructing_runs, settled_at
 from evaluator.diagnosis.likelihood.linear.mixed_model import (
     MixedModel,
     Posterior,

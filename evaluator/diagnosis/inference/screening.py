@@ -71,10 +71,11 @@ def screen(search: Search, point: Point, inside: Sequence[str], candidates: Iter
     Of many values of a stepwise term, a few are tried, and again between the neighbours of the best of them.
     """
     every = tuple(candidates)
-    tried = {term.id: _spread(0, len(term.starts) - 1) for term in every if term.stepwise and term.id not in inside}
+    many = [term for term in every if term.stepwise and term.id not in inside and len(term.starts) > MOST_STARTS]
+    tried = {term.id: _spread(0, len(term.starts) - 1) for term in many}
     while True:
         view = _screened(search, point, inside, [_of_starts(term, tried.get(term.id)) for term in every])
-        finer = {term.id: _about_best(view, term, tried[term.id]) for term in every if term.id in tried}
+        finer = {term.id: _about_best(view, term, tried[term.id]) for term in many}
         if finer == tried:
             return view
         tried = finer

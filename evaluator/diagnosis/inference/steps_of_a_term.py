@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from evaluator.diagnosis.inference.descent.steps import SETTLED
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
-from evaluator.diagnosis.inference.steps import SETTLED
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.problem import Problem
 from simulator.effects.coordinates import Candidate

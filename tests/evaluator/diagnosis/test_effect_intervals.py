@@ -89,7 +89,13 @@ def test_an_angle_has_an_interval_about_its_value() -> None:
     assert said == pytest.approx({"value": 1.0, "low": -5.0, "high": 7.0}, abs=0.5)
 
 
-def test_a_response_in_steps_is_known_between_two_of_them() -> None:
+def test_a_response_in_steps_is_known_between_those_that_the_runs_hardly_contradict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     item = term("band", Coordinate("first", 0.0, 1.0), stepwise=True, between=((10.0, 30.0), (30.0, 60.0)))
-    said = effects_json.parameters(fitted(item, (45.0,), np.eye(1)), item)
-    assert said == {"first": {"value": 45.0, "low": 30.0, "high": 60.0}}
+    found = fitted(item, (45.0,), np.eye(1))
+    found.search.tolerance = {"mass": 0.1}
+    asked: list[Any] = []
+    monkeypatch.setattr(effects_json, "likely_interval", lambda *said: asked.append(said) or (10.0, 60.0))
+    assert effects_json.parameters(found, item) == {"first": {"value": 45.0, "low": 10.0, "high": 60.0}}
+    assert asked == [(found.search.problem, found.fit, item, {"mass": 0.1})]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import fit as fits
-from evaluator.diagnosis.inference import steps
+from evaluator.diagnosis.inference.descent import steps
+from evaluator.diagnosis.inference.descent.steps import full_step, obstructing_runs, settled_at
 from evaluator.diagnosis.inference.fit import _fitted, _led_by_others
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.steps import full_step, obstructing_runs, settled_at
 from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate, Coordinate
 

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import fit as fits
-from evaluator.diagnosis.inference import fitted_model, steps
+from evaluator.diagnosis.inference import fitted_model
 from evaluator.diagnosis.inference.bounds import bounds, is_at_bound
+from evaluator.diagnosis.inference.descent import steps
+from evaluator.diagnosis.inference.descent.linearized_optimum import optimum_of
 from evaluator.diagnosis.inference.fit import _fitted, _with_shortfall, _within_bounds, fit_model
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit, model_columns, prior_precision
-from evaluator.diagnosis.inference.linearized_optimum import optimum_of
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, Posterior, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import MOST_SCATTER
 from evaluator.diagnosis.likelihood.noise.tracking import Noise

@@ -10,11 +10,11 @@ import pytest
 
 from evaluator.diagnosis.inference import fit as fits
 from evaluator.diagnosis.inference import screening, strategy
+from evaluator.diagnosis.inference.descent.steps import line_search
 from evaluator.diagnosis.inference.fit import _carried_on
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.inference.steps import line_search
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.progress import no_progress
 from simulator.effects.coordinates import Candidate, Coordinate

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.inference.descent.linearized_optimum import Optimum
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.linearized_optimum import Optimum
 from evaluator.diagnosis.likelihood.linear.random_effects import settled_by_run
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
