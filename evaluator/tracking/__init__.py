@@ -2,12 +2,14 @@
 
 from evaluator.tracking.corrections import correct, read_corrections
 from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
+from evaluator.tracking.plate_shift import WithPlate
 from evaluator.tracking.settings import TrackingSettings, load_settings
 from evaluator.tracking.track import track
 
 __all__ = [
     "AsCalibrated",
     "TrackingSettings",
+    "WithPlate",
     "correct",
     "load_settings",
     "of_another_size",

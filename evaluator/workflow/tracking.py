@@ -20,6 +20,7 @@ from evaluator.robot_geometry import RobotGeometry, read_geometry, sought
 from evaluator.tracking import (
     AsCalibrated,
     TrackingSettings,
+    WithPlate,
     correct,
     load_settings,
     place_on_plate,
@@ -99,7 +100,7 @@ def track_recording(
     wanted = sought(geometry, wanted)
     read = AsFound.of([Path(video)])
     recording = open_recording(video, rate_hz=rate_hz, fields=fields)
-    frames = recording if seen_by is None else AsCalibrated(recording, seen_by)
+    frames = WithPlate(recording if seen_by is None else AsCalibrated(recording, seen_by))
     precompile_tracker()
     marks = track(frames, wanted, progress)
     if read.changed():
@@ -119,8 +120,10 @@ def track_recording(
         raise InputError(
             f"{missed}; state color, diameter_px and region_px in a tracking.toml (--settings); {where_to_look}"
         )
+    moved = frames.found(marks, wanted.mark)
     if seen_by is not None:
         marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)
     if output is not None:
         write_marks(marks, Path(output))
-    return Tracked(recording, marks, tuple(recording.report().notes), tuple(wanted.mark), seen_by, geometry)
+    notes = (*recording.report().notes, *([moved.note] if moved else []))
+    return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)

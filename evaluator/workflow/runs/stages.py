@@ -28,7 +28,7 @@ from evaluator.pose import Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, robot_shape, sought
-from evaluator.tracking import AsCalibrated, correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.tracking import AsCalibrated, WithPlate, correct, load_settings, place_on_plate, read_corrections, track
 from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
@@ -127,7 +127,10 @@ class _Stages:
         recording = WithThumbnails(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))
         said = read_with(load_settings, self.job.tracking) if self.job.tracking else None
         settings = sought(RobotGeometry(self.job.robot.layout), said)
-        table = track(AsCalibrated(recording, self.camera), settings, self.progress)
+        frames = WithPlate(AsCalibrated(recording, self.camera))
+        table = track(frames, settings, self.progress)
+        moved = frames.found(table, settings.mark)
+        of_plate = [moved.note] if moved else []
         by_hand: list[str] = []
         if self.run.corrections is not None:
             corrections = read_corrections(self.run.corrections)
@@ -138,7 +141,10 @@ class _Stages:
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
         write_marks(place_on_plate(table, self.camera, self._height_mm()), path)
         write_text(thumbnails, recording.to_json())
-        return [path, thumbnails], {"notes": [*report.notes, *by_hand], "last_s": float(report.last or 0)}
+        return [path, thumbnails], {
+            "notes": [*report.notes, *of_plate, *by_hand],
+            "last_s": float(report.last or 0),
+        }
 
     def _turn(self) -> tuple[list[Path], dict[str, Any]]:
         fault = self.run.outside(self.run_command, float(self.poses.time_s[0]), float(self.poses.time_s[-1]))

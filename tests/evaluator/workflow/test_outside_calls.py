@@ -185,6 +185,7 @@ def test_a_run_of_the_laboratory_has_its_effect_its_scatter_and_its_noise(monkey
     [
         ({}, None),
         ({"green": 0}, None),  # the other one is enough
+        ({"moved": SimpleNamespace(note="the plate moves")}, None),
         ({"green": 0, "yellow": 0}, "state color, diameter_px and region_px in a tracking.toml"),
         ({"green": 0, "yellow": 0, "why": UNLIKE}, "objects of their colours never move"),
         ({"green": 0, "yellow": 0, "grey": True}, "the recording has no colour"),
@@ -210,7 +211,10 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     video = Video([SimpleNamespace(colourless=seen.get("grey", False))])
     monkeypatch.setattr(tracking, "open_recording", lambda *_, **__: video)
     monkeypatch.setattr(tracking, "precompile_tracker", lambda: None)
-    monkeypatch.setattr(tracking, "track", lambda frames, *_: tracked_in.append(frames) or marks)
+    monkeypatch.setattr(
+        tracking, "WithPlate", lambda frames: SimpleNamespace(read=frames, found=lambda *_: seen.get("moved"))
+    )
+    monkeypatch.setattr(tracking, "track", lambda frames, *_: tracked_in.append(frames.read) or marks)
     monkeypatch.setattr(tracking, "read_with", lambda *_: "camera")
     monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: "undistorted")
     monkeypatch.setattr(
@@ -234,7 +238,8 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     found = tracked()
     assert found.shares == {"green": 0.25 * seen.get("green", 1), "yellow": 0.25}
     assert repr(found) == f"Tracked(4 frames, green in {found.shares['green']:.1%}, yellow in 25.0%)"
-    assert (found.notes, found.names, looked) == (("a note",), ("green", "yellow"), [3])
+    notes = ("a note", "the plate moves") if "moved" in seen else ("a note",)
+    assert (found.notes, found.names, looked) == (notes, ("green", "yellow"), [3])
     assert tracked_in == ["undistorted" if options else video]
     assert written == [(4, Path("b.csv"))] * bool(options)
     assert [camera for camera, _ in placed] == ["camera"] * bool(options)
