@@ -11,8 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from calibration import camera_above
 from evaluator.recording import Frame
 from evaluator.tracking.plate_shift import PlateShift, WithPlate
+from evaluator.workflow import analyze
 from evaluator.workflow.tracking import track_recording
 from tests.evaluator.tracking.synthetic import draw, frame_of, turning_marks, write_video
 
@@ -104,8 +106,8 @@ def test_noise_that_differs_from_frame_to_frame_does_not_move() -> None:
     assert found([np.full(SIZE[::-1], 120.0)] * 6) is None
 
 
-@pytest.mark.parametrize(("shift", "told"), [(0.0, False), (2.0, True)])
-def test_the_notes_of_a_recording_tell_it(tmp_path: Path, shift: float, *, told: bool) -> None:
+def film(folder: Path, shift: float) -> Path:
+    """A turning robot on a plate that jumps to the right after 13 of 32 frames."""
     rng = np.random.default_rng(3)
     truth = turning_marks(32, (320.0, 240.0), 40.0, 12.0, 0.03)
     grain = texture(6.0)[40 : 40 + SIZE[1], 40 : 40 + SIZE[0]] - 120.0
@@ -115,5 +117,25 @@ def test_the_notes_of_a_recording_tell_it(tmp_path: Path, shift: float, *, told:
         matrix = np.array([[1.0, 0.0, shift * (k > 12)], [0.0, 1.0, 0.0]])
         moved = cv2.warpAffine(image, matrix, SIZE, borderMode=cv2.BORDER_REPLICATE)
         images.append(np.clip(np.rint(moved), 0, 255).astype(np.uint8))
-    notes = track_recording(write_video(tmp_path / "clip.mkv", images)).notes
+    return write_video(folder / "clip.mkv", images)
+
+
+@pytest.mark.parametrize(("shift", "told"), [(0.0, False), (2.0, True)])
+def test_the_notes_of_a_recording_tell_it(tmp_path: Path, shift: float, *, told: bool) -> None:
+    notes = track_recording(film(tmp_path, shift)).notes
     assert any("the plate moves by 2 px" in note for note in notes) == told
+
+
+def test_the_notes_of_an_analysed_run_tell_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    film(tmp_path, 2.0)
+    camera = camera_above(size_px=SIZE, focal_px=2000, distance_mm=150)
+    monkeypatch.setattr("calibration.store.load_camera", lambda _: camera)
+    (tmp_path / "camera.json").write_text("{}", encoding="utf-8")
+    experiment = tmp_path / "experiment.toml"
+    experiment.write_text(
+        'format = 1\nname = "one run"\nrobot = "barrel"\ncamera = "camera.json"\n\n[[run]]\nid = "r01"\n'
+        'left_rpm = 14.4\nright_rpm = 33.3\nvideo = "clip.mkv"\n',
+        encoding="utf-8",
+    )
+    notes = analyze(experiment, tmp_path / "out", workers=1).notes["r01"]
+    assert any("the plate moves by 2 px" in note for note in notes)
