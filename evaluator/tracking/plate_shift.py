@@ -23,7 +23,7 @@ from evaluator.recording import Frame
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-SAMPLES = 16  # frames compared, about: each takes as long as ten frames of tracking
+SAMPLES = 16  # frames compared, about: each takes as long as a few frames of tracking, 5 ms
 ASSUMED_FRAMES = 64  # if the container does not state their number; of more, fewer are compared
 WIDTH = 640.0  # px of the compared images: texture of the plate is lost in smaller ones
 TILE = 64  # px of a side: enough grains of texture that noise moves a tile by hundredths of a px
@@ -35,6 +35,9 @@ AWAY_SPACINGS = 2.0  # and distances of the marks, which span much of their robo
 # Whatever else moves, a hand or another robot, does not fill seven of nine parts of the image.
 PARTS, LEAST_PARTS, LEAST_IN_PART = 3, 7, 2
 SAME = 0.3  # share of a tile's detail that must be as it was: that of noise is 0 within hundredths
+# Share of the tiles with texture, which the robot may hide in part, that must be near where they were; else a shift by
+# whole px is sought, which takes as long again.
+MOST_TILES, STILL_PX = 0.8, 0.5
 ROUNDS = 4  # a shift by several px is not linear, and is found by steps
 AGREE = 0.7  # share of the tiles that must agree on the motion
 CLEAR = 5.0  # standard errors of a motion that counts
@@ -141,6 +144,9 @@ class _Reference:
         self._px = self._scale * np.array([1.0, frame.row_step])  # of a px of the compared image
         self.middles = (middles + 0.5) * self._px - 0.5
         self._tiles = columns, rows
+        self._textured: NDArray[np.bool_] = np.zeros(len(middles), np.bool_)
+        if all(self._tiles):
+            self._textured = np.asarray(np.isfinite(self._beyond(self._image, np.zeros(2))[1]).all(axis=1))
 
     def comparable(self, frame: Frame) -> bool:
         """Whether a frame has the same size and, of interlaced recordings, shows the same field."""
@@ -181,11 +187,13 @@ class _Reference:
 
     def shifts(self, frame: Frame) -> tuple[Array, Array]:
         """Shift of every tile since the first frame and its standard error, (n, 2) px; NaN without texture."""
-        if not all(self._tiles):
-            return np.empty((0, 2)), np.empty((0, 2))
-        after = self._reduced(frame)
-        whole = self._whole_px(after)
+        if not all(self._tiles) or not self._spread(self.middles[self._textured]):  # a plain plate says nothing
+            return np.full(self.middles.shape, np.nan), np.full(self.middles.shape, np.nan)
+        after, whole = self._reduced(frame), np.zeros(2)
         shift, sigma = self._beyond(after, whole)
+        if not self._is_near(shift, sigma):
+            whole = self._whole_px(after)
+            shift, sigma = self._beyond(after, whole)
         for _ in range(ROUNDS):
             certain = (sigma < CERTAIN_PX).all(axis=1)
             further = np.rint(np.median(shift[certain], axis=0)) if certain.any() else np.zeros(2)
@@ -194,6 +202,12 @@ class _Reference:
             whole = whole + further
             shift, sigma = self._beyond(after, whole)
         return (whole + shift) * self._px, sigma * self._px
+
+    def _is_near(self, shift: Array, sigma: Array) -> bool:
+        """Whether most tiles with texture are where they were, within a part of a px, as of most recordings."""
+        seen = np.isfinite(sigma).all(axis=1)
+        still = np.median(np.abs(shift[seen]), axis=0) < STILL_PX if seen.any() else np.zeros(2, bool)
+        return bool(seen.sum() >= MOST_TILES * self._textured.sum() and still.all())
 
     def _beyond(self, after: Single, whole: Array) -> tuple[Array, Array]:
         """Shift of every tile beyond one by whole px and its standard error, (n, 2) px of the compared image."""
