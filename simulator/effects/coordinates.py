@@ -25,7 +25,9 @@ WITHOUT_COMMANDS_RPM = 60.0  # scale of a session in which no motor is commanded
 class Coordinate:
     """One number of a candidate: its value where the effect is absent, a small visible step, and physical bounds.
 
-    closed: values beyond the bounds are impossible (a share is 0 to 1), so that a fit may end at a bound.
+    closed: values beyond the bounds are impossible (a share is 0 to 1), so that a fit may end at a bound. prior_sigma:
+    standard deviation from the absent value before any run is seen; of a number that many runs do not show, which would
+    otherwise end anywhere.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Coordinate:
     low: float = -inf
     high: float = inf
     closed: bool = False
+    prior_sigma: float = inf
 
 
 @dataclass(frozen=True)

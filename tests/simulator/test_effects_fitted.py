@@ -197,8 +197,9 @@ def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() ->
     assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": 0.5})
     assert [item.low for item in found.coordinates] == pytest.approx([0.2, 0.0])
     assert [item.high for item in found.coordinates] == pytest.approx([20.0, 20.0])
+    assert [item.prior_sigma for item in found.coordinates] == [3.0, np.inf]  # most runs show the balance alone
     alone = EFFECTS["magnet-strength"].candidate(Scene(20.0, (30.0,), driven_magnets=False))
-    assert [item.name for item in alone.coordinates] == ["weakness"]
+    assert [(item.name, item.prior_sigma) for item in alone.coordinates] == [("weakness", np.inf)]
     assert alone.physical((4.0,)) == {"driving_factor": 0.25}
     draft = Draft(load_robot("barrel"))
     EFFECTS["magnet-strength"].act(draft, alone.physical((4.0,)))  # type: ignore[misc]

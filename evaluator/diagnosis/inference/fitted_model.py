@@ -83,8 +83,8 @@ def model_columns(
 
 
 def prior_precision(columns: Sequence[Column], tolerance: Mapping[str, float]) -> Floats:
-    """1/σ² of the nominal values; 0 for effects."""
-    return np.array([tolerance[c.key] ** -2.0 if c.term is None else 0.0 for c in columns])
+    """1/σ² of the nominal values, and of the coordinates of effects that have a prior; 0 for the others."""
+    return np.array([(tolerance[c.key] if c.term is None else c.prior_sigma) ** -2.0 for c in columns])
 
 
 def left_overs(views: Sequence[Linearized], columns: Sequence[Column], theta: Floats) -> tuple[Floats, Floats]:

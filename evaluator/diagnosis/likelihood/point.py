@@ -52,6 +52,13 @@ class Column:
         """Value at which the parameter has no influence."""
         return 0.0 if self.term is None else self.term.coordinates[self.coordinate].absent
 
+    @property
+    def prior_sigma(self) -> float:
+        """Standard deviation from the absent value before any run is seen (see Coordinate); infinite: not known."""
+        if self.term is None or self.start is not None or self.to is not None:
+            return np.inf
+        return self.term.coordinates[self.coordinate].prior_sigma
+
 
 @dataclass(frozen=True)
 class Point:

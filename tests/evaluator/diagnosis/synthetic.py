@@ -46,7 +46,7 @@ def minus_two_log(run: Linearized, theta: Floats, tau: Floats) -> float:
 def column(key: str, *, effect: bool = True, step: float = 1.0) -> Any:
     """A common parameter: a coordinate of an effect, or a nominal value."""
     term = SimpleNamespace(coordinates=(SimpleNamespace(step=step),)) if effect else None
-    return SimpleNamespace(key=key, coordinate=0, term=term)
+    return SimpleNamespace(key=key, coordinate=0, term=term, prior_sigma=np.inf)
 
 
 class _Standing(SimpleNamespace):

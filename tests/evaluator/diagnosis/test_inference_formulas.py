@@ -79,7 +79,7 @@ def test_an_optimum_is_that_of_least_squares_in_all_unknowns_at_once() -> None:
 
 
 def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coordinate() -> None:
-    pair = candidate("pair", Coordinate("x", 0.0, 1.0), Coordinate("y", 0.0, 1.0))
+    pair = candidate("pair", Coordinate("x", 0.0, 1.0), Coordinate("y", 0.0, 1.0, prior_sigma=2.0))
     tolerance = {"wheels.track_mm": 0.05, "body.mass_g": 0.0}
     columns = model_columns([pair, LINE], tolerance, ())
     assert [(item.key, item.coordinate) for item in columns] == [
@@ -88,7 +88,9 @@ def test_a_model_has_a_column_of_every_value_with_a_tolerance_and_of_every_coord
         ("pair", 1),
         ("line", 0),
     ]
-    np.testing.assert_allclose(prior_precision(columns, tolerance), [400.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(prior_precision(columns, tolerance), [400.0, 0.0, 0.25, 0.0])
+    changes = [Column("pair", 1, pair, start=(0.5, 0.5)), Column("pair", 1, pair, to=(0.5, 0.5))]
+    np.testing.assert_allclose(prior_precision(changes, tolerance), [0.0, 0.0])  # not measured from the absent value
 
 
 def test_turns_of_wheels_are_values_of_a_model_only_beside_a_ripple_within_a_turn() -> None:
