@@ -26,14 +26,14 @@ def finding_sentences(content: Json) -> list[str]:
 
 
 def preferred_sentence(content: Json) -> str:
-    """Fitted values within their tolerances whose 95 % intervals exclude 0, the farthest first; empty without any."""
+    """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any."""
     parts = []
     for item in sorted(content.get("known_to") or [], key=_tolerances, reverse=True):
         if item.get("low") is not None and item["low"] * item["high"] > 0:
             found, low, high = _found(item)
             far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""
             parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]{far}")
-    return as_sentence(f"Values that the data prefer, within their tolerances: {'; '.join(parts)}") if parts else ""
+    return as_sentence(f"Of the values with a tolerance, the data prefer: {'; '.join(parts)}") if parts else ""
 
 
 def negligible_sentence(content: Json) -> str:

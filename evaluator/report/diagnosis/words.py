@@ -28,7 +28,7 @@ def verdict_sentence(content: Json) -> str:
         each = "; ".join(content.get("findings") or [])
         parts = [f"{each} (more than three tolerances)"] if each else []
         parts += [at_once] if at_once else []
-        return f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}."
+        return _with_minus(f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}.")
     apart = content.get("left_out_runs") or {}
     but = f", apart from {_some(sorted(apart))}, left out of the diagnosis" if apart else ""
     missing = "proven missing" if _possible(content) else "missing"

@@ -121,10 +121,10 @@ def test_a_limit_that_limits_nothing_is_infinite_and_a_large_force_is_a_number()
 
 
 def test_a_value_far_outside_its_tolerance_is_said_in_the_sentence_of_the_verdict() -> None:
-    off = "radius of the left over the right wheel: off by +0.03, taken as known to 0.0071"
+    off = "radius of the left over the right wheel: off by -0.03, taken as known to 0.0071"
     sentence = verdict_sentence({"verdict": "none", "findings": [off]})
     assert "Nothing is missing" not in sentence
-    assert off in sentence
+    assert off.replace("-0.03", "−0.03") in sentence
 
 
 def test_values_off_together_are_said_in_the_sentence_of_the_verdict_and_among_the_findings() -> None:
@@ -275,7 +275,7 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
 
     items = [value("near", 1.0, 1.0), value("far", -2.5, 1.0), value("nought", 0.05, 0.01), value("next", 1.9, 1.0)]
     assert preferred_sentence({"known_to": items}) == (
-        "Values that the data prefer, within their tolerances: far −2.50 mm [−2.60, −2.40] (2.5 tolerances); "
+        "Of the values with a tolerance, the data prefer: far −2.50 mm [−2.60, −2.40] (2.5 tolerances); "
         "next 1.90 mm [1.80, 2.00]; near 1.00 mm [0.90, 1.10]."
     )
 
