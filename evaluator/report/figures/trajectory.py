@@ -49,15 +49,22 @@ def trajectories(runs: Sequence[RunView]) -> Figure | None:
 
 def representative(runs: Sequence[RunView], most: int) -> list[RunView]:
     """One run per command, turning ones first, forward and backward of the same speeds side by side."""
-    by_command: dict[tuple[float, float, str], RunView] = {}
+    by_command: dict[tuple[float | str, ...], RunView] = {}
+    order: dict[tuple[float | str, ...], int] = {}
+
+    def command(run: RunView, *speeds: float) -> tuple[float | str, ...]:
+        """Its wheel speeds; a run whose log holds none for long is a command of its own."""
+        return (*speeds, run.group) if np.isfinite(speeds).all() else (run.id,)
+
+    def unsigned(run: RunView) -> tuple[float | str, ...]:
+        return command(run, abs(run.left_rpm), abs(run.right_rpm))
+
     for run in runs:
-        by_command.setdefault((run.left_rpm, run.right_rpm, run.group), run)
-    order: dict[tuple[float, float, str], int] = {}
-    for left, right, group in by_command:
-        order.setdefault((abs(left), abs(right), group), len(order))
+        by_command.setdefault(command(run, run.left_rpm, run.right_rpm), run)
+        order.setdefault(unsigned(run), len(order))
 
     def rank(run: RunView) -> tuple[bool, int, bool]:
-        return not run.turns, order[abs(run.left_rpm), abs(run.right_rpm), run.group], run.backward
+        return not run.turns, order[unsigned(run)], run.backward
 
     return sorted(by_command.values(), key=rank)[:most]
 

@@ -269,3 +269,10 @@ def test_an_effect_is_drawn_with_a_dot_every_second_and_its_distance_at_the_end(
     colors = [call.kwargs["color"] for call in axes[0].plot.call_args_list]
     assert colors == [SOFT, SOFT, VERMILLION, VERMILLION, INK]
     assert labels(axes[0]) == ("x, mm", "y, mm")
+
+
+def test_every_run_whose_log_holds_no_speed_is_a_command_of_its_own() -> None:
+    runs = [turned(name, 9.0, turned_deg=90.0) for name in ("ramp", "turn", "spiral")]
+    for run, rpm in zip(runs, (np.nan, 33.0, np.nan), strict=True):
+        run.turning["left_rpm"] = run.turning["right_rpm"] = rpm
+    assert [run.run for run in trajectory.representative(runs, 9)] == ["ramp", "turn", "spiral"]
