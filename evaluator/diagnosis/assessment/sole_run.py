@@ -158,17 +158,18 @@ def is_followed(problem: Problem, fit: Fit, per_run: Floats, run: int, tolerance
     """
     try:
         placed = place_runs(problem.of_tracking, replace(fit.point, per_run=per_run), [run], fit.posterior.scatter)
-        if _is_near(problem, placed, run):
+        if is_near(problem, placed, run):
             return True
         moved = _updated(problem, fit, placed, run, tolerance)
         if moved is None:
             return False
-        return _is_near(problem, place_runs(problem.of_tracking, moved, [run], fit.posterior.scatter), run)
+        return is_near(problem, place_runs(problem.of_tracking, moved, [run], fit.posterior.scatter), run)
     except FloatingPointError:
         return False
 
 
-def _is_near(problem: Problem, placed: Point, run: int) -> bool:
+def is_near(problem: Problem, placed: Point, run: int) -> bool:
+    """Whether a model follows a run within noise and varying friction; placed: with its start and random effects."""
     return bool((run_gaps(problem, placed, [run]) <= farthest_followed(problem, [run])).all())
 
 

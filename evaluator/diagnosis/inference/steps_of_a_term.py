@@ -38,11 +38,15 @@ def evidences(
     return found
 
 
+def _about(step: int, most: int, term: Candidate) -> range:
+    """The steps up to so many to either side of one."""
+    return range(max(step - most, 0), min(step + most + 1, len(term.starts)))
+
+
 def likely_interval(problem: Problem, fit: Fit, term: Candidate, tolerance: Mapping[str, float]) -> tuple[float, float]:
     """Least and largest value of a term that the runs hardly contradict (95 %), beside the fitted one."""
     now = index_of(fit, term)
-    near = range(max(now - NEAR, 0), min(now + NEAR + 1, len(term.starts)))
-    known = evidences(problem, fit, term, tolerance, near)
+    known = evidences(problem, fit, term, tolerance, _about(now, NEAR, term))
     first = last = now
     while known.get(first - 1, -np.inf) > known[now] - NOT_CONTRADICTED:
         first -= 1
@@ -54,8 +58,6 @@ def likely_interval(problem: Problem, fit: Fit, term: Candidate, tolerance: Mapp
 def better_step(problem: Problem, fit: Fit, term: Candidate, tolerance: Mapping[str, float]) -> int | None:
     """A step near that of a fit with a higher evidence beside its other values; None if there is none."""
     now = index_of(fit, term)
-    known = evidences(
-        problem, fit, term, tolerance, range(max(now - BESIDE, 0), min(now + BESIDE + 1, len(term.starts)))
-    )
+    known = evidences(problem, fit, term, tolerance, _about(now, BESIDE, term))
     best = max(known, key=lambda k: known[k])
     return best if known[best] > known[now] + SETTLED else None

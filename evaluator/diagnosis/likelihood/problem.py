@@ -148,9 +148,8 @@ class Problem:
         """Response and derivatives of the runs at a point; None for runs that cannot be simulated there."""
         point = point.without_absent(columns)
         at_once = max(1, TASKS_AT_ONCE // (len(columns) + len(self.varied) + 1))
-        groups = [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
         work = partial(self._attempted, point, columns, *points_of(point, columns))
-        return [item for part in self.watch.each(work, groups) for item in part]
+        return [item for part in self.watch.each(work, _pieces(runs, at_once)) for item in part]
 
     def _attempted(
         self,
@@ -229,8 +228,8 @@ class Problem:
         """Linearizations of runs at a nearby point, with new responses and the slopes of views."""
         result: list[Linearized | None] = []
         theta = theta_of(point, columns)
-        groups = [runs[first : first + RUNS_AT_ONCE] for first in range(0, len(runs), RUNS_AT_ONCE)]
-        parts = self.watch.each(lambda part: self.features([point.task(run) for run in part]), groups)
+        pieces = _pieces(runs, RUNS_AT_ONCE)
+        parts = self.watch.each(lambda piece: self.features([point.task(run) for run in piece]), pieces)
         every = [features for part in parts for features in part]
         for run, view, features in zip(runs, views, every, strict=True):
             sound = bool(np.isfinite(features).all())
@@ -261,6 +260,10 @@ class Problem:
         per_run[:, varied] = ((base - features[-len(varied) :]) / self.per_run_steps[varied, None]).T
         response = base + common @ theta_of(point, columns) + per_run[:, 3:] @ point.per_run[run, 3:]
         return Linearized(response, common, per_run[:, :3], per_run[:, 3:])
+
+
+def _pieces(runs: Sequence[int], at_once: int) -> list[Sequence[int]]:
+    return [runs[first : first + at_once] for first in range(0, len(runs), at_once)]
 
 
 def _amount_beside(point: Point, column: Column) -> float:

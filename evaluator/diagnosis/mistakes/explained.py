@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from evaluator.diagnosis.assessment.gap import OF_WANDER, farthest_followed, run_gaps
+from evaluator.diagnosis.assessment.gap import OF_WANDER
+from evaluator.diagnosis.assessment.sole_run import is_near
 from evaluator.diagnosis.likelihood.known_to import predicted_sigmas
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
@@ -73,9 +74,10 @@ def _is_explained(found: Diagnosis, name: str) -> bool:
         drifting = replace(
             problem, common_drift=search.problem.common_drift, friction_wander=search.problem.friction_wander
         )
-        problem = with_noise_of(drifting, replace(fit.point, per_run=start.per_run)).of_tracking
-        placed = place_runs(problem, replace(fit.point, per_run=start.per_run), [0], fit.posterior.scatter)
+        point = replace(fit.point, per_run=start.per_run)
+        problem = with_noise_of(drifting, point).of_tracking
+        placed = place_runs(problem, point, [0], fit.posterior.scatter)
         usual = np.abs(placed.per_run[0, START_POSE:]) <= OF_WANDER * fit.posterior.scatter
-        return bool(usual.all() and (run_gaps(problem, placed, [0]) <= farthest_followed(problem, [0])).all())
+        return bool(usual.all()) and is_near(problem, placed, 0)
     except FloatingPointError:  # it cannot be simulated
         return False

@@ -108,7 +108,7 @@ class MixedModel:
     """Inner products of an experiment at every scatter of the grid; models are subsets of its columns."""
 
     def __init__(self, reduced: Reduced, prior_precision: Floats) -> None:
-        """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for effects."""
+        """reduced: the runs. prior_precision: (p,) 1/σ² of columns with a prior, 0 for the others."""
         free = bool(reduced.A[:, :-1, :-1].any())  # else friction and gains are no random effects: one scatter
         axes = (FRICTION_SCATTER, GAIN_SCATTER) if free else (FRICTION_SCATTER[:1], GAIN_SCATTER[:1])
         friction, gain = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
@@ -154,8 +154,8 @@ class MixedModel:
     def given(self, base: Sequence[int]) -> MixedModel:
         """The model of the other columns, with the columns of base eliminated at each scatter.
 
-        Evidence and parameters of the other columns are those of the model with base; base must contain every column
-        with a prior.
+        Evidence and parameters of the other columns are those of the model with base. If it has effects, and not every
+        column with a prior, the cost of these columns is approximate, which suffices for screening.
         """
         keep = np.asarray(base, dtype=np.int64)
         rest = np.setdiff1d(np.arange(len(self.prior)), keep)

@@ -12,7 +12,7 @@ STEP_S = 0.005  # of the integral of the command: 3 % of a stair of 0.2 s
 MOMENTS = 40  # in the span of an onset, at most 0.4 s: twice the frames of a camera of 60 a second
 ROUNDS = 12  # each halves the error of the start if the command rises evenly: from 4 s to 1 ms
 # Before and after an onset: more than its error, by noise, by motors that lag, or because one wheel turns before the
-# other. In two ramps through a dead band of 14 rpm, 13 rpm were commanded so long before the onset.
+# other. In two ramps through a dead band of 14 rpm, 13.0 and 13.9 rpm were commanded so long before.
 AROUND_S = 0.1
 BEYOND_THRESHOLD = 1.1
 
