@@ -57,6 +57,7 @@ class Session:
     start_sigma_s: float = 0.0
     mistakes: tuple[Mistake, ...] = ()  # runs concerned are not in data
     aside: tuple[tuple[RunData, Robot], ...] = ()  # these runs
+    explained: tuple[Mistake, ...] = ()  # that the effects found explain; their runs are in left_out
     relevant: Relevant = field(default_factory=Relevant)
     left_out: Mapping[str, str] = field(default_factory=dict)  # usable runs that are not used, with the reason
     own: tuple[str, ...] = ()  # ids of effects of the user, tried like those of the catalogue

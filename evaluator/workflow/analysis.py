@@ -13,14 +13,13 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.files.csv_tables import write_table
 from evaluator.progress import Progress, no_progress, part_way
-from evaluator.settings import Experiment, MeasuredRobot, load_any_robot, load_experiment
+from evaluator.settings import Experiment, load_experiment
 from evaluator.workflow.execution.answers import answers_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
 from evaluator.workflow.results.unchanged import AsFound
-from evaluator.workflow.runs.job import Job, RunResult, known_result, lost_run, outdated_stages, step_of
-from evaluator.workflow.runs.mistakes import mistakes_of_marks, with_sentences
-from simulator.robot import Robot, load_robot
+from evaluator.workflow.runs.job import Job, RunResult, jobs_of, known_result, lost_run, outdated_stages, step_of
+from evaluator.workflow.runs.mistakes import mistakes_of_marks, with_sentences, without_explained
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +115,7 @@ def analyze(
     changed = tuple(as_found.changed())
     write_provenance(outputs.provenance, path, text, inputs, changed, command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
-    mistakes = tuple(mistakes_of_marks(described, marks))
+    mistakes = without_explained(mistakes_of_marks(described, marks), described, outputs)
     notes = with_sentences({run.id: found for run in described.run if (found := results[run.id].notes)}, mistakes)
     reused = sum(result.reused for result in results.values())
     empty = turning.iloc[:0]
@@ -207,22 +206,6 @@ def pending(experiment: Path | str, out: Path | str = "out", *, simulate: bool =
     """Names of the steps that `analyze` would execute for each run; empty for a run that is up to date."""
     described = read_with(load_experiment, Path(experiment))
     return {job.run.id: _outdated(job) for job in jobs_of(described, Outputs(Path(out)), simulate=simulate)}
-
-
-def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list[Job]:
-    """The job of every run. Raises InputError for a robot that cannot be read, because it concerns all its runs."""
-    robots: dict[str, Robot | MeasuredRobot] = {}
-    load = load_robot if simulate else load_any_robot  # measurement needs only the marks of a robot
-    for run in experiment.run:
-        name = run.robot or experiment.robot
-        if name not in robots:
-            robots[name] = read_with(load, Path(name))
-    # Absolute, because workers may have another working directory.
-    shared = (experiment.tracking, experiment.tracks, outputs.folder.resolve(), simulate)
-    return [
-        Job(run, robots[run.robot or experiment.robot], *shared, order=order)
-        for order, run in enumerate(experiment.run)
-    ]
 
 
 def input_files(experiment: Experiment) -> list[Path]:

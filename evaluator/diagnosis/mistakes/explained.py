@@ -47,7 +47,8 @@ def without_explained_mistakes(found: Diagnosis) -> Diagnosis:
         return found
     kept = tuple(item for item in session.mistakes if item not in explained.values())
     reasons = {run: _reason(item, found) for run, item in explained.items()}
-    return replace(found, session=replace(session, mistakes=kept, left_out={**session.left_out, **reasons}))
+    session = replace(session, mistakes=kept, explained=tuple(explained.values()))
+    return replace(found, session=replace(session, left_out={**session.left_out, **reasons}))
 
 
 def _reason(mistake: Mistake, found: Diagnosis) -> str:

@@ -16,6 +16,7 @@ from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
+from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
 from evaluator.diagnosis.output.content import (
     ChangesContent,
@@ -48,7 +49,7 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "format": 1,
         "verdict": diagnosis.verdict,
         "reason": diagnosis.reason,
-        "mistakes": _mistakes(diagnosis.session),
+        "mistakes": [_mistake(item) for item in diagnosis.session.mistakes],
         "effects": [],
         "gap": None,
         "negligible": [],
@@ -60,6 +61,8 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "skipped_runs": dict(diagnosis.session.skipped),
         "left_out_runs": dict(diagnosis.session.left_out),
     }
+    if diagnosis.session.explained:
+        found["explained_mistakes"] = [_mistake(item) for item in diagnosis.session.explained]
     if diagnosis.search is None:
         return found
     table = disagreement(diagnosis)
@@ -87,16 +90,13 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
     }
 
 
-def _mistakes(session: Session) -> list[MistakeContent]:
-    return [
-        {
-            "runs": list(item.runs),
-            "kind": item.kind,
-            "equivalent_kinds": list(item.equivalent_kinds),
-            "sentence": item.sentence,
-        }
-        for item in session.mistakes
-    ]
+def _mistake(item: Mistake) -> MistakeContent:
+    return {
+        "runs": list(item.runs),
+        "kind": item.kind,
+        "equivalent_kinds": list(item.equivalent_kinds),
+        "sentence": item.sentence,
+    }
 
 
 def _negligible(diagnosis: Diagnosis) -> list[NegligibleContent]:

@@ -11,8 +11,8 @@ import pandas as pd
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
 from evaluator.files.csv_tables import read_runs
 from evaluator.settings import Experiment
-from evaluator.workflow.diagnosis.validity import earlier_diagnosis
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.stored_diagnosis import earlier_diagnosis
 
 
 @dataclass(frozen=True)

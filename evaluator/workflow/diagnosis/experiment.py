@@ -24,8 +24,13 @@ from evaluator.files.csv_tables import write_table
 from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.analysis import input_files, jobs_of, results_of
-from evaluator.workflow.diagnosis.validity import (
+from evaluator.workflow.analysis import input_files, results_of
+from evaluator.workflow.execution.machine import available_cores
+from evaluator.workflow.execution.sharing import one_core
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.results.unchanged import CHANGED, AsFound
+from evaluator.workflow.runs.job import jobs_of
+from evaluator.workflow.runs.stored_diagnosis import (
     INSTALLED,
     is_current,
     keep,
@@ -33,10 +38,6 @@ from evaluator.workflow.diagnosis.validity import (
     load_diagnosis,
     own_effect_ids,
 )
-from evaluator.workflow.execution.machine import available_cores
-from evaluator.workflow.execution.sharing import one_core
-from evaluator.workflow.results.outputs import Outputs
-from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from simulator.own_effects.files import file_of, text_of
 
 REASONS_SHOWN = 3  # of runs without marks, in one sentence

@@ -18,7 +18,7 @@ from evaluator.robot_geometry import reference_pair
 from evaluator.settings import load_experiment
 from evaluator.workflow.editing.documents import read_document
 from evaluator.workflow.results.outputs import Outputs
-from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks, without_explained
 from simulator.robot import load_robot
 
 if TYPE_CHECKING:
@@ -40,12 +40,14 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
 
     Runs that cannot be corrected in their files (held, pushed, unlike the robot) are excluded. Corrected marks are
     written to NAME-mended-RUN.csv; comments of the experiment are kept. out: folder of an analysis with the marks of
-    videos. Raises InputError if such a file exists already or no run would be left.
+    videos, and perhaps of a diagnosis. Raises InputError if such a file exists already or no run would be left.
     """
     experiment = read_with(load_experiment, path)
     tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
     marks = {**given_marks(experiment), **{run: file for run, file in tracked.items() if file.is_file()}}
-    wrong = {run: item for item in mistakes_of_marks(experiment, marks) for run in item.runs}
+    found = mistakes_of_marks(experiment, marks)
+    mistakes = without_explained(found, experiment, Outputs(out)) if out else found
+    wrong = {run: item for item in mistakes for run in item.runs}
     if not wrong:
         return None
     target = path.with_name(f"{path.stem}-mended.toml")

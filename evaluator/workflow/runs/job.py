@@ -13,13 +13,14 @@ from typing import Any
 
 from calibration.errors import CalibrationError
 from evaluator.errors import InputError
+from evaluator.files import read_with
 from evaluator.interchange.tracks import Tracks, program_of
-from evaluator.settings import MeasuredRobot, Run
+from evaluator.settings import Experiment, MeasuredRobot, Run, load_any_robot
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, file_hash, key_of
 from simulator.errors import SimulationError
 from simulator.own_effects.files import is_own, text_of
-from simulator.robot import Robot
+from simulator.robot import Robot, load_robot
 
 # Marks are placed on a robot to some hundredths of a millimetre, 1 to 2 % of their distance; a wrong gauge or a wrong
 # height of the marks causes a larger deviation.
@@ -107,6 +108,22 @@ def _shape_of(robot: Robot | MeasuredRobot) -> dict[str, Any]:
         return robot.model_dump(include={"body", "wheels", "wheel"})
     wheels = [wheel.model_dump(exclude={"slip", "attraction_mN"}) for wheel in robot.all_wheels]
     return {"body": robot.body.model_dump(), "wheels": wheels}
+
+
+def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list[Job]:
+    """The job of every run. Raises InputError for a robot that cannot be read, because it concerns all its runs."""
+    robots: dict[str, Robot | MeasuredRobot] = {}
+    load = load_robot if simulate else load_any_robot  # measurement needs only the marks of a robot
+    for run in experiment.run:
+        name = run.robot or experiment.robot
+        if name not in robots:
+            robots[name] = read_with(load, Path(name))
+    # Absolute, because workers may have another working directory.
+    shared = (experiment.tracking, experiment.tracks, outputs.folder.resolve(), simulate)
+    return [
+        Job(run, robots[run.robot or experiment.robot], *shared, order=order)
+        for order, run in enumerate(experiment.run)
+    ]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from evaluator.errors import InputError
 from evaluator.settings import Experiment
+from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.stored_diagnosis import earlier_diagnosis
 from simulator.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -31,6 +33,23 @@ def mistakes_of_marks(
         return list(mistakes_in(used, marks, known))
     except (InputError, SimulationError, FloatingPointError):
         return []
+
+
+def without_explained(mistakes: Sequence[Mistake], experiment: Experiment, outputs: Outputs) -> tuple[Mistake, ...]:
+    """The mistakes without those that the diagnosis in the output folder explains by the effects that it found.
+
+    An outdated or unreadable diagnosis explains none.
+    """
+    if not mistakes or not outputs.diagnosis.is_file():
+        return tuple(mistakes)
+    try:
+        kept = earlier_diagnosis(experiment, outputs)
+    except (OSError, InputError):
+        return tuple(mistakes)
+    if kept is None or kept.outdated:
+        return tuple(mistakes)
+    explained = {(run, item["kind"]) for item in kept.content.get("explained_mistakes", ()) for run in item["runs"]}
+    return tuple(item for item in mistakes if item.everywhere or (item.runs[0], item.kind) not in explained)
 
 
 def given_marks(experiment: Experiment) -> dict[str, Path]:

@@ -75,7 +75,7 @@ def files_named(experiment: Path) -> list[Path]:
 def results_state(experiment: Path) -> ResultsState:
     """State of an experiment's results by content, which requires reading every recording."""
     from evaluator.workflow.analysis import pending
-    from evaluator.workflow.diagnosis.validity import is_current, key_of_diagnosis, own_effect_ids
+    from evaluator.workflow.runs.stored_diagnosis import is_current, key_of_diagnosis, own_effect_ids
     from simulator.errors import SimulationError
 
     out = out_folder(experiment)

@@ -12,9 +12,9 @@ import pandas as pd
 from evaluator.files import read_with
 from evaluator.files.csv_tables import read_runs
 from evaluator.settings import load_experiment
-from evaluator.workflow.diagnosis.validity import load_diagnosis
 from evaluator.workflow.editing.unfinished import read_unfinished
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.stored_diagnosis import load_diagnosis
 from evaluator.workflow.viewing.overview import out_folder
 
 MOST_POINTS = 200  # of a drawn path: errors below a tenth of a pixel for a turn that fills its panel

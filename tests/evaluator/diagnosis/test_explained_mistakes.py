@@ -44,6 +44,7 @@ def test_what_an_effect_explains_is_no_mistake_and_a_wrong_file_remains_one(tilt
     assert found.left_out == {
         right.runs[0]: "taken for wrong-command at first; with plate-tilt it moves as its file says"
     }
+    assert found.explained == (right,)
     assert found.data == tilted.session.data
 
 

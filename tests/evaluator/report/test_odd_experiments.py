@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -96,6 +97,30 @@ def test_runs_that_are_not_what_the_file_says_are_named_first_and_in_no_comparis
     for number, run in ((1, "r2"), (2, "r4")):
         assert summary[number].startswith(f"{run}: turns as if left and right were exchanged")
     assert summary[3].endswith("Left out of all results below until this is corrected: r2, r4.")
+
+
+def test_a_run_that_the_diagnosis_explains_is_no_mistake_of_the_report(
+    with_excluded_run: tuple[Analysis, str], tmp_path: Path
+) -> None:
+    """A spring pulled a robot onto the path of exchanged sides: "a wire pulls" stood below "left and right"."""
+    found, _ = with_excluded_run
+    explained = {
+        "verdict": "effect",
+        "reason": "",
+        "effects": [],
+        "explained_mistakes": [
+            {"runs": ["r2"], "kind": "sides-swapped", "equivalent_kinds": [], "sentence": "r2: left and right"},
+            {"runs": ["r4"], "kind": "reversed", "equivalent_kinds": [], "sentence": "r4: backward"},
+        ],
+    }
+    (tmp_path / "diagnosis.json").write_text(json.dumps(explained), encoding="utf-8")
+    path = found.outputs.folder.parent / "experiment.toml"
+    again = analyze(path, tmp_path, simulate=True, workers=1)
+    assert again.excluded_runs == {"r4"}
+    assert (again.pooled[["left_rpm", "right_rpm"]] == [22.0, 33.0]).all(axis=1).any()
+    assert "r2: turns as if" not in report_html(again)
+    (tmp_path / "diagnosis.json").write_text("{", encoding="utf-8")
+    assert analyze(path, tmp_path, simulate=True, workers=1).excluded_runs == {"r2", "r4"}
 
 
 def test_phases_of_an_excluded_run_are_in_no_result_and_count_as_one_run(

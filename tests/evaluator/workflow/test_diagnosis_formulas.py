@@ -14,10 +14,11 @@ from evaluator.diagnosis.design import plan as designs
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.errors import InputError
 from evaluator.settings import Experiment, load_experiment
-from evaluator.workflow.diagnosis import batch, experiment, planning, validity
+from evaluator.workflow.diagnosis import batch, experiment, planning
 from evaluator.workflow.diagnosis.batch import Answer, Order, folders_of
 from evaluator.workflow.diagnosis.experiment import DiagnosisResult
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs import stored_diagnosis
 
 TEXT = 'format = 1\nname = "day"\nrobot = "barrel"\ncamera = "camera.json"\n' + "".join(
     f'\n[[run]]\nid = "{run}"\nleft_rpm = 30.0\nright_rpm = 20.0\n{source} = "{run}.{end}"\n'
@@ -163,36 +164,36 @@ def test_a_stored_diagnosis_is_out_of_date_where_a_record_says_so(
     day: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     outputs, key = Outputs(tmp_path / "out"), ["one"]
-    monkeypatch.setattr(validity, "key_of_diagnosis", lambda *_: key[0])
-    assert validity.earlier_diagnosis(day, outputs) is None
+    monkeypatch.setattr(stored_diagnosis, "key_of_diagnosis", lambda *_: key[0])
+    assert stored_diagnosis.earlier_diagnosis(day, outputs) is None
     outputs.folder.mkdir()
     outputs.diagnosis.write_text('{"verdict": "none"}', encoding="utf-8")
-    stored = validity.earlier_diagnosis(day, outputs)
+    stored = stored_diagnosis.earlier_diagnosis(day, outputs)
     assert stored is not None
     assert not stored.outdated  # of another program
-    validity.keep(outputs, "one", [outputs.diagnosis])
-    assert validity.is_current(outputs, "one")
+    stored_diagnosis.keep(outputs, "one", [outputs.diagnosis])
+    assert stored_diagnosis.is_current(outputs, "one")
     for now, outdated in (("one", False), ("two", True)):
         key[0] = now
-        stored = validity.earlier_diagnosis(day, outputs)
+        stored = stored_diagnosis.earlier_diagnosis(day, outputs)
         assert stored is not None
         assert (stored.content["verdict"], stored.outdated) == ("none", outdated)
     for text in ("[1]", "{}"):
         outputs.diagnosis.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match="has no verdict"):
-            validity.load_diagnosis(outputs.diagnosis)
+            stored_diagnosis.load_diagnosis(outputs.diagnosis)
 
 
 def test_what_defines_an_own_effect_today(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert validity._text_now("mine", validity.INSTALLED) == "mine"
-    assert validity._text_now("mine", str(tmp_path / "gone.toml")) == ""
+    assert stored_diagnosis._text_now("mine", stored_diagnosis.INSTALLED) == "mine"
+    assert stored_diagnosis._text_now("mine", str(tmp_path / "gone.toml")) == ""
     code, terms = tmp_path / "mine.py", tmp_path / "mine.toml"
     code.write_text("raise SystemExit", encoding="utf-8")
     terms.write_text("of terms", encoding="utf-8")
-    assert validity._text_now("mine", str(code)) == "raise SystemExit"  # it is read, not executed
-    monkeypatch.setattr(validity, "load_own", lambda path: SimpleNamespace(id=path.stem))
-    monkeypatch.setattr(validity, "text_of", lambda effect: f"text of {effect}")
-    assert validity._text_now("mine", str(terms)) == "text of mine"
+    assert stored_diagnosis._text_now("mine", str(code)) == "raise SystemExit"  # it is read, not executed
+    monkeypatch.setattr(stored_diagnosis, "load_own", lambda path: SimpleNamespace(id=path.stem))
+    monkeypatch.setattr(stored_diagnosis, "text_of", lambda effect: f"text of {effect}")
+    assert stored_diagnosis._text_now("mine", str(terms)) == "text of mine"
 
 
 def test_a_plan_leaves_half_the_robot_at_every_rim_and_asks_for_effects_as_far_as_it_reaches(

@@ -12,9 +12,9 @@ import pytest
 from evaluator.diagnosis.mistakes.recognised import Correction
 from evaluator.errors import InputError
 from evaluator.workflow import checks
-from evaluator.workflow.diagnosis import validity
 from evaluator.workflow.editing import mending, values
 from evaluator.workflow.fresh import new_experiment
+from evaluator.workflow.runs import stored_diagnosis
 from evaluator.workflow.viewing import marks, overview
 
 EXPERIMENT = """# ours
@@ -42,18 +42,25 @@ def test_effects_beside_the_experiment_and_beside_the_robots_of_its_runs_are_rea
         (tmp_path / name).mkdir()
         (tmp_path / name / "robot.toml").touch()
     folders: list[str] = []
-    monkeypatch.setattr(validity, "load_beside", lambda folder: folders.append(folder.name) or [f"of {folder.name}"])
-    monkeypatch.setattr(validity, "load_installed", lambda: ["installed", "of usual"])
-    monkeypatch.setattr(validity, "load_named", lambda: ["named"])
-    monkeypatch.setattr(validity, "read_with", lambda _, file: SimpleNamespace(id=f"file {file}"))
+
+    def beside(folder: Path) -> list[str]:
+        folders.append(folder.name)
+        return [f"of {folder.name}"]
+
+    monkeypatch.setattr(
+        stored_diagnosis, "load_beside", lambda folder: folders.append(folder.name) or [f"of {folder.name}"]
+    )
+    monkeypatch.setattr(stored_diagnosis, "load_installed", lambda: ["installed", "of usual"])
+    monkeypatch.setattr(stored_diagnosis, "load_named", lambda: ["named"])
+    monkeypatch.setattr(stored_diagnosis, "read_with", lambda _, file: SimpleNamespace(id=f"file {file}"))
     runs = [SimpleNamespace(robot=None), SimpleNamespace(robot=str(tmp_path / "own" / "robot.toml"))]
     day: Any = SimpleNamespace(robot=str(tmp_path / "usual" / "robot.toml"), run=runs)
-    found = validity.own_effect_ids(tmp_path / "day.toml", day, [Path("x.toml")])
+    found = stored_diagnosis.own_effect_ids(tmp_path / "day.toml", day, [Path("x.toml")])
     assert folders == [tmp_path.name, "own", "usual"]
     assert found == ("installed", "of usual", "named", f"of {tmp_path.name}", "of own", "file x.toml")
     shipped: Any = SimpleNamespace(robot="barrel", run=[SimpleNamespace(robot=None)])
     folders.clear()
-    validity.own_effect_ids(tmp_path / "day.toml", shipped)
+    stored_diagnosis.own_effect_ids(tmp_path / "day.toml", shipped)
     assert folders == [tmp_path.name]
 
 
@@ -80,9 +87,9 @@ def test_a_diagnosis_is_current_where_it_is_stored_and_its_inputs_are_the_same(
     if stored:
         (tmp_path / "out" / "diagnosis.json").touch()
     monkeypatch.setattr("evaluator.workflow.analysis.pending", lambda *_, **more: {"a": ["turn"], **more})
-    monkeypatch.setattr(validity, "key_of_diagnosis", lambda *_: "key")
-    monkeypatch.setattr(validity, "own_effect_ids", lambda *_: ())
-    monkeypatch.setattr(validity, "is_current", lambda _, key: current and key == "key")
+    monkeypatch.setattr(stored_diagnosis, "key_of_diagnosis", lambda *_: "key")
+    monkeypatch.setattr(stored_diagnosis, "own_effect_ids", lambda *_: ())
+    monkeypatch.setattr(stored_diagnosis, "is_current", lambda _, key: current and key == "key")
     found = overview.results_state(path)
     assert (found.outdated, found.results, found.diagnosis) == ({"a": ["turn"], "simulate": True}, True, told)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -103,3 +104,16 @@ def test_a_mended_experiment_that_is_there_is_not_written_over(tmp_path: Path) -
     assert write_mended(path) is not None
     with pytest.raises(InputError, match="exists already"):
         write_mended(path)
+
+
+def test_what_a_diagnosis_explains_is_not_mended(tmp_path: Path) -> None:
+    path = write_hidden(tmp_path, {})
+    rewrite(path, "left_rpm = 33.3\nright_rpm = 14.4", "left_rpm = -33.3\nright_rpm = -14.4")
+    (run, kind), *others = mistakes(path).items()
+    assert not others
+    explained = [{"runs": [run], "kind": kind, "equivalent_kinds": [], "sentence": ""}]
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "diagnosis.json").write_text(json.dumps({"verdict": "effect", "explained_mistakes": explained}))
+    assert write_mended(path, out) is None
+    assert write_mended(path) is not None

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from evaluator.settings import load_experiment
-from evaluator.workflow.analysis import jobs_of
-from evaluator.workflow.diagnosis.validity import earlier_diagnosis
 from evaluator.workflow.execution import answers
 from evaluator.workflow.results.outputs import Outputs
+from evaluator.workflow.runs.job import jobs_of
+from evaluator.workflow.runs.stored_diagnosis import earlier_diagnosis
 from simulator.effects.catalogue import EFFECTS
 from simulator.own_effects.files import forget_own, load_own
 from simulator.own_effects.template import TermRow, template

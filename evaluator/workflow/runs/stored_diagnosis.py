@@ -12,9 +12,9 @@ from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.settings import Experiment
-from evaluator.workflow.analysis import jobs_of
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.validity import Record, key_of
+from evaluator.workflow.runs.job import jobs_of
 from simulator.own_effects.files import load_beside, load_installed, load_named, load_own, text_of
 
 STAGE = "diagnose"
