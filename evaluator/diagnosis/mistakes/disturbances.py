@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.intervals import HELD_S, interrupts, longest, phases_of, stretches, unlike
+from evaluator.diagnosis.mistakes.intervals import (
+    FEWEST_FRAMES,
+    HELD_S,
+    interrupts,
+    longest,
+    phases_of,
+    stretches,
+    unlike,
+)
 from evaluator.diagnosis.mistakes.jump import jump
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
@@ -112,7 +121,8 @@ def _common(ratios: Sequence[float]) -> float:
 def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
     """Runs that stand still, are briefly held or pushed, or whose camera moved; at most one of these for each run."""
     phases = [(phase, robot) for run, robot in zip(data, robots, strict=True) for phase in phases_of(run)]
-    standing = {id(phase) for phase, robot in phases if _stands(phase, robot)}
+    since = {id(phase): _stands_since(phase, robot) for phase, robot in phases}
+    standing = {phase for phase, begins in since.items() if begins is not None}
     counts = Counter((unsigned_rpm(phase.left_rpm, phase.right_rpm), id(phase) in standing) for phase, _ in phases)
     of_run: dict[str, list[RunData]] = {}
     for phase, _ in phases:
@@ -122,7 +132,9 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         mine = of_run.get(run.id, [])
         wrongly = [phase for phase in mine if id(phase) in standing and not _others_stand_too(phase, counts)]
         if wrongly:
-            when = "" if len(wrongly) == len(mine) else f" from {wrongly[0].start_s:.2f} s on"
+            begins = since[id(wrongly[0])]
+            whole = len(wrongly) == len(mine) and begins == wrongly[0].start_s
+            when = "" if whole else f" from {begins:.2f} s on"
             remedy = "inspect the recording: is the robot held, or a motor off?"
             found.append(Found(run.id, "stuck", f"hardly moves{when}, though runs of slower wheels do", remedy))
             continue
@@ -145,14 +157,34 @@ def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
     found = set()
     for run, robot in zip(data, robots, strict=True):
         phases = phases_of(run)
-        if phases and all(_stands(phase, robot) for phase in phases):
+        if phases and all(_stands_since(phase, robot) is not None for phase in phases):
             found.add(run.id)
     return found
 
 
-def _stands(run: RunData, robot: Robot) -> bool:
-    """Whether a run with its motors on hardly moves compared with the path that its wheels would roll."""
-    return way_over_rolled(run, robot) < STANDS_SHARE
+def _stands_since(run: RunData, robot: Robot) -> float | None:
+    """Time, s, from which a run with its motors on hardly moves compared with the path that its wheels would roll.
+
+    From the start, or from when its motors have reached their speed to the end: it got caught at once. Else None.
+    """
+    if way_over_rolled(run, robot) < STANDS_SHARE:
+        return run.start_s
+    begin, end = _span(run)
+    before, after = _part(run, run.start_s, begin), _part(run, begin, end)
+    if before is None or after is None or end < begin + 2 * HELD_S:
+        return None
+    moved, moves = way_over_rolled(before, robot), way_over_rolled(after, robot)
+    return begin if moves < min(STANDS_SHARE, CREEPS_SHARE * moved) else None
+
+
+def _part(run: RunData, begin: float, end: float) -> RunData | None:
+    """The run between two times, s; None with fewer than FEWEST_FRAMES."""
+    inside = (run.time_s >= begin) & (run.time_s <= end)
+    if np.count_nonzero(np.isfinite(run.marks_mm[inside]).all(axis=1)) < FEWEST_FRAMES:
+        return None
+    return replace(
+        run, start_s=begin, stop_s=end, time_s=run.time_s[inside], marks_mm=run.marks_mm[inside], systematic={}
+    )
 
 
 def way_over_rolled(run: RunData, robot: Robot) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
-from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, wrong_scale
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import without_regimes
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
@@ -144,23 +144,6 @@ def test_starts_that_the_file_leaves_out_are_said_to_be_late_though_all_are(late
     assert kinds(found) == [(f"r{number}", "late-start") for number in range(8 * told)]
     assert all("start_s, which is not given, counts as 0.5" in item.seen for item in found)
     assert all(abs(item.correction.later_s - late_s) < 0.03 for item in found if item.correction)
-
-
-@pytest.mark.parametrize(("share", "stands"), [(0.0485, True), (0.0515, False)])
-def test_a_run_stands_that_covers_less_than_a_twentieth_of_what_its_wheels_roll(share: float, stands: bool) -> None:
-    run = driven(0, speed=share * ROLLED_MM_S / 0.94)  # the 95th percentile of 2.48 s of the way
-    assert standing_runs([run], [ROBOT]) == ({"r0"} if stands else set())
-
-
-def test_a_run_that_stands_is_stuck_unless_all_slower_ones_stand_too() -> None:
-    still = driven(0, speed=0.0)
-    (found,) = disturbed_runs(session(still), [ROBOT] * 8)
-    assert found.seen == "hardly moves, though runs of slower wheels do"  # all of it, not from some time on
-    assert ("r0", "stuck") in kinds(disturbed_runs(session(still), [ROBOT] * 8))
-    faster = [replace(driven(number), left_rpm=60.0, right_rpm=60.0) for number in range(2, 6)]
-    for rpm in (10.0, 0.5):
-        slower = replace(driven(1, speed=0.0), left_rpm=rpm, right_rpm=rpm)
-        assert kinds(disturbed_runs([still, slower, *faster], [ROBOT] * 6)) == [("r1", "stuck")]  # none is slower
 
 
 @pytest.mark.parametrize(("speed", "stuck"), [(0.0, []), (1.5, ["r0"])])

@@ -29,7 +29,7 @@ def diagnosis(**more: Any) -> Any:
     """A diagnosis of two runs, of which one was skipped."""
     mistake = SimpleNamespace(runs=("r1",), kind="reversed", equivalent_kinds=("mirrored",), sentence="r1: backward")
     session = SimpleNamespace(
-        mistakes=(mistake,), skipped={"r7": "dark"}, left_out={"r8": "alone"}, own=(), one_frame=True,
+        mistakes=(mistake,), skipped={"r7": "dark"}, left_out={"r8": "alone"}, explained=(), own=(), one_frame=True,
         commands_recur=True, known=("known",), data=[SimpleNamespace(id="r1"), SimpleNamespace(id="r2")],
     )  # fmt: skip
     return SimpleNamespace(**{"verdict": "none", "reason": "so", "session": session, "search": None, **more})
