@@ -38,9 +38,10 @@ SENTENCES = 4  # on disagreements; all are in diagnosis.json
 
 def verdict_lines(content: dict[str, Any]) -> list[str]:
     """The content of diagnosis.json in a few lines."""
-    lines = [*mistake_sentences(content), verdict_sentence(content), as_sentence(in_words(content["reason"]))]
-    said = content["verdict"] == "none"  # in the sentence of the verdict
-    lines += [*([] if said else finding_sentences(content)), negligible_sentence(content)]
+    verdict = verdict_sentence(content)
+    lines = [*mistake_sentences(content), verdict, as_sentence(in_words(content["reason"]))]
+    findings = [sentence for sentence in finding_sentences(content) if sentence[1:-1] not in verdict]  # once is enough
+    lines += [*findings, negligible_sentence(content)]
     for effect in content["effects"]:
         # a free-form term of an unknown verdict has no probability as an effect
         share = f", probability {_probability(effect['probability'])}" if content["verdict"] == "effect" else ""

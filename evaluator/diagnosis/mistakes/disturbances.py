@@ -50,6 +50,7 @@ PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of len
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
 HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
 CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
+SHOWS_USUAL_S = 3 * HELD_S  # of motion: twice as much as a disturbance is of the usual kind
 BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
 SETTLED_S = 0.5  # time after the start in which the motors reach their speed
 
@@ -238,7 +239,7 @@ def _carried_off(run: RunData) -> Found | None:
 def _disturbance(run: RunData) -> Found | None:
     """An interval in which the run is held or pushed, compared with its usual motion."""
     begin, end = _span(run)
-    motion = motion_of(run, (begin, end)) if end > begin + 4 * HELD_S else None
+    motion = motion_of(run, (begin, end)) if end > begin + SHOWS_USUAL_S else None
     if motion is None:
         return None
     usual = float(np.median(motion.along))

@@ -22,6 +22,7 @@ FEWEST_AT_REST = 3  # one wrong frame does not move their median
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
 LACKS_A_FRAME = 1.5  # usual times between frames: of ten frames a second none is missing, though each is 0.1 s apart
 AROUND_GAP = 15  # frames on either side: a quarter of a second
+FEWEST_AROUND = 8  # a line through eight errs by 1.3 times their scatter half a window later: GAP_SIGMAS is beyond
 GAP_SIGMAS = 8.0  # scatter of a frame: a velocity from 15 frames is extrapolated over a gap of a few times as many
 LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a gap; hands move a robot farther
 # The largest of about ten values along a rippled run is nearly the largest that occurs: twice as much is no ripple.
@@ -196,7 +197,7 @@ def _missing_over(
     time, middle, heading = course
     before = np.flatnonzero((time >= between[0]) & (time <= stretch[0]))[-AROUND_GAP:]
     after = np.flatnonzero((time >= stretch[1]) & (time <= between[1]))[:AROUND_GAP]
-    if min(len(before), len(after)) < AROUND_GAP:
+    if min(len(before), len(after)) < FEWEST_AROUND:
         return 0.0, 0.0
     ends = time[before[-1]], time[after[0]]
     views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip((before, after), ends, strict=True)]

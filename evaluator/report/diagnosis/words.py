@@ -23,12 +23,9 @@ def verdict_sentence(content: Json) -> str:
         return f"Missing in the model: {found}."
     if content.get("verdict") == "unknown":
         return f"The model lacks something that no known effect explains{_description(content)}."
-    at_once = (content.get("known_together") or {}).get("sentence")
-    if content.get("verdict") == "none" and (content.get("findings") or at_once):
-        each = "; ".join(content.get("findings") or [])
-        parts = [f"{each} (more than three tolerances)"] if each else []
-        parts += [at_once] if at_once else []
-        return _with_minus(f"No effect is missing, but not all values are as stated: {'; and '.join(parts)}.")
+    off = _values_off(content)
+    if content.get("verdict") == "none" and off:
+        return _with_minus(f"No effect is missing, but not all values are as stated: {off}.")
     apart = content.get("left_out_runs") or {}
     but = f", apart from {_some(sorted(apart))}, left out of the diagnosis" if apart else ""
     missing = "proven missing" if _possible(content) else "missing"
@@ -36,6 +33,14 @@ def verdict_sentence(content: Json) -> str:
         "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances{but}.",
         "insufficient": "These runs cannot decide whether an effect is missing, or which.",
     }.get(str(content.get("verdict")), "")
+
+
+def _values_off(content: Json) -> str:
+    """Values that contradict their tolerances, without the tolerances, or that all values do so together."""
+    findings = [str(item).partition(",")[0].replace(": off by", " off by") for item in content.get("findings") or []]
+    if findings:
+        return f"{'; '.join(findings)} ({'each ' * (len(findings) > 1)}more than three tolerances)"
+    return str((content.get("known_together") or {}).get("sentence") or "").partition(" (")[0]
 
 
 def _description(content: Json) -> str:

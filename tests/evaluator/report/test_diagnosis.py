@@ -120,18 +120,27 @@ def test_a_limit_that_limits_nothing_is_infinite_and_a_large_force_is_a_number()
     assert "∞" not in sizes("x_mN", value, "tether-pull")
 
 
-def test_a_value_far_outside_its_tolerance_is_said_in_the_sentence_of_the_verdict() -> None:
-    off = "radius of the left over the right wheel: off by -0.03, taken as known to 0.0071"
-    sentence = verdict_sentence({"verdict": "none", "findings": [off]})
-    assert "Nothing is missing" not in sentence
-    assert off.replace("-0.03", "−0.03") in sentence
+def test_values_far_outside_their_tolerances_are_said_in_the_sentence_of_the_verdict() -> None:
+    """The sentence had 90 words: the tolerances follow in a sentence for each value."""
+    off = "radius of the left wheel: off by -0.03, tolerance 0.0071"
+    later = "motion starts 20 ms later than start_s in all runs"
+    begin = "No effect is missing, but not all values are as stated: radius of the left wheel off by −0.03"
+    content: dict[str, Any] = {"verdict": "none", "findings": [off]}
+    assert verdict_sentence(content) == f"{begin} (more than three tolerances)."
+    content = {**content, "findings": [off, later], "known_together": {"sentence": "all deviate (p 0.1)"}}
+    assert verdict_sentence(content) == f"{begin}; {later} (each more than three tolerances)."
+    assert finding_sentences(content) == [
+        "Radius of the left wheel: off by −0.03, tolerance 0.0071.",
+        "Motion starts 20 ms later than start_s in all runs.",
+        "All deviate (p 0.1).",
+    ]
 
 
 def test_values_off_together_are_said_in_the_sentence_of_the_verdict_and_among_the_findings() -> None:
-    at_once = "what is known to a tolerance is off by more, taken together, than chance allows (probability 0.0004)"
-    content = {"verdict": "none", "findings": [], "known_together": {"sentence": at_once}}
+    at_once = "the values with a tolerance deviate jointly by more than chance"
+    content = {"verdict": "none", "findings": [], "known_together": {"sentence": f"{at_once} (probability 0.0004)"}}
     assert verdict_sentence(content) == f"No effect is missing, but not all values are as stated: {at_once}."
-    assert finding_sentences(content) == [f"W{at_once[1:]}."]
+    assert finding_sentences(content) == [f"T{at_once[1:]} (probability 0.0004)."]
     usual = {**content, "known_together": {"sentence": None}}
     assert "Nothing is missing" in verdict_sentence(usual)
     assert finding_sentences(usual) == []
