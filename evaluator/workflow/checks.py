@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import filecmp
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,7 @@ LIGHTEST, HEAVIEST = 10.0, 21_500.0
 # Attraction of the strongest wheel over the weight: less does not hold a robot, more presses it flat. The paper's
 # wheels have 0.6 to 4; a factor of a thousand between units leads out of the range from any value between.
 WEAKEST, STRONGEST = 0.01, 300.0
+HEAD_BYTES = 65_536  # of a video: those with another begin or size need not be compared whole
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,35 @@ def check_experiment(path: Path) -> Check:
     mistakes: tuple[str, ...] = ()
     if experiment is not None and not faults:
         found = mistakes_of_marks(experiment, given_marks(experiment), marks)
-        mistakes = (*doubts_of_robots(experiment), *(item.sentence for item in found))
+        doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))
+        mistakes = (*doubts, *(item.sentence for item in found))
     return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
+
+
+def doubled_videos(runs: Sequence[Run]) -> Iterator[str]:
+    """Runs whose video is that of an earlier run, byte for byte, over a part of the time that the earlier run shows."""
+    alike: dict[tuple[int, bytes], list[tuple[Run, Path]]] = {}
+    for run in runs:
+        if run.video is None or not run.video.is_file():
+            continue
+        with run.video.open("rb") as file:
+            earlier = alike.setdefault((run.video.stat().st_size, file.read(HEAD_BYTES)), [])
+        for other, video in earlier:
+            if _overlap(run, other) and (video == run.video or filecmp.cmp(video, run.video, shallow=False)):
+                yield (
+                    f"{run.id}: its video {run.video.name} is that of {other.id}, byte for byte; "
+                    "is it the right recording?"
+                )
+                break
+        earlier.append((run, run.video))
+
+
+def _overlap(run: Run, other: Run) -> bool:
+    """Whether two runs in one recording are at the same time; without a stop a run lasts to its end."""
+    return all(
+        first.start_s < (math.inf if second.stop_s is None else second.stop_s)
+        for first, second in ((run, other), (other, run))
+    )
 
 
 def doubts_of_robots(experiment: Experiment) -> Iterator[str]:

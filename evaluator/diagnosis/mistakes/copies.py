@@ -15,7 +15,7 @@ FEWEST = 10  # frames with both marks: rounded values of fewer frames could agre
 def copies(data: Sequence[RunData]) -> list[Found]:
     """Runs whose marks are those of an earlier run of the same command, frame for frame.
 
-    A copy under another command is left to the comparison with the simulation, which may show which command is wrong.
+    A copy under another command is left to `contradicting_copies`: a simulation may show which command is wrong.
     Two recordings never agree to the last digit: noise differs. Times may be shifted: a copy may count from elsewhere.
     """
     found = []
@@ -30,16 +30,26 @@ def copies(data: Sequence[RunData]) -> list[Found]:
 
 
 def contradicting_copies(data: Sequence[RunData], known: Sequence[Found]) -> list[Found]:
-    """Runs with the same marks under several commands, of which none has a known mistake: all of them are doubtful."""
-    wrong, doubled = {item.run for item in known}, {item.run for item in known if item.kind == "duplicate"}
+    """Runs with the same marks under several commands: those whose command the marks contradict, otherwise all.
+
+    known: mistakes of runs. A run that contradicts its command is a copy of one that does not, and has no command of
+    its own to be corrected. If all contradict theirs, they are not copies of a run in its place.
+    """
+    kinds = {item.run: item.kind for item in known}
     found = []
     for runs in _same_marks(data):
-        once = [run for run in runs if run.id not in doubled]
-        if len({_command(run) for run in once}) > 1 and not wrong & {run.id for run in once}:
+        once = [run for run in runs if kinds.get(run.id) != "duplicate"]
+        if len({_command(run) for run in once}) < 2:
+            continue
+        right, wrong = ([run.id for run in once if (run.id in kinds) == bad] for bad in (False, True))
+        if right and wrong:
+            words = f"has the same marks as {right[0]}, frame for frame, but another command, which they contradict"
+            remedy = "is it the right recording?"
+            found += [Found(run, "duplicate", words, remedy, equivalent=(kinds[run],)) for run in wrong]
+        elif right:
             words = "have the same marks, frame for frame, but different commands"
-            group = tuple(run.id for run in once)
             remedy = "find out which command belongs to this recording, and remove the other run"
-            found += [Found(run, "duplicate", words, remedy, group=group) for run in group]
+            found += [Found(run, "duplicate", words, remedy, group=tuple(right)) for run in right]
     return found
 
 

@@ -299,7 +299,7 @@ def test_copy_of_a_run_counts_once_whatever_its_clock() -> None:
     assert copies(session(driven())) == []
 
 
-def test_same_marks_under_two_commands_are_doubtful_unless_the_simulation_tells_which_is_wrong() -> None:
+def test_same_marks_under_two_commands_are_doubtful_unless_they_contradict_one_of_them() -> None:
     original = driven(3)
     other = replace(original, id="r9", left_rpm=original.left_rpm + 5.0)
     data = [*session(driven()), other]
@@ -308,7 +308,10 @@ def test_same_marks_under_two_commands_are_doubtful_unless_the_simulation_tells_
         ("r3", "duplicate", ("r3", "r9")),
         ("r9", "duplicate", ("r3", "r9")),
     ]
-    assert contradicting_copies(data, [Found("r9", "wrong-command", "", "")]) == []
+    (copy,) = contradicting_copies(data, [Found("r9", "wrong-command", "", "")])
+    assert (copy.run, copy.kind, copy.equivalent, copy.group) == ("r9", "duplicate", ("wrong-command",), ())
+    assert copy.seen.startswith("has the same marks as r3, frame for frame, but another command")
+    assert contradicting_copies(data, [Found(run, "wrong-command", "", "") for run in ("r3", "r9")]) == []
     thrice = [*data, replace(original, id="r10")]
     assert [item.run for item in contradicting_copies(thrice, copies(thrice))] == ["r3", "r9"]
     (told,) = [item for item in recognise(data, [ROBOT] * len(data)) if "r9" in item.runs]

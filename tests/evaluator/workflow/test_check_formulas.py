@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from evaluator.workflow import checks
-from evaluator.workflow.checks import Check, Written, check_experiment
+from evaluator.workflow.checks import Check, Written, check_experiment, doubled_videos
 
 HEAD = 'format = 1\nname = "day"\nrobot = "barrel"\n'
 
@@ -127,3 +127,39 @@ def test_images_without_a_clock_are_opened_with_their_run(tmp_path: Path, monkey
     for name in ("stack.tif", "a.mp4", "gone.mp4"):
         list(checks._video(Written(tmp_path / "day.toml", {}), name))
     assert opened == ["a.mp4", "gone.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("second", "told"),
+    [
+        ({}, True),
+        ({"start_s": 2.0}, True),  # later, but the first one lasts to the end of the recording
+        ({"video": "changed.mp4"}, False),  # of equal size and beginning
+        ({"video": "longer.mp4"}, False),
+        ({"video": "images"}, False),
+        ({"video": None}, False),
+    ],
+)
+def test_a_video_under_two_names_is_doubted(second: dict[str, Any], told: bool, tmp_path: Path) -> None:
+    head = b"x" * 70_000
+    for name, content in {"a": b"", "b": b"", "changed": b"", "longer": b"z"}.items():
+        (tmp_path / f"{name}.mp4").write_bytes(head[: -1 if name == "changed" else None] + content)
+    with (tmp_path / "changed.mp4").open("ab") as file:
+        file.write(b"y")
+    (tmp_path / "images").mkdir()
+    given = {"video": "b.mp4", "start_s": 0.5, "stop_s": None, **second}
+    video = given["video"] and tmp_path / given["video"]
+    runs: Any = [
+        SimpleNamespace(id="r1", video=tmp_path / "a.mp4", start_s=0.5, stop_s=None),
+        SimpleNamespace(**{**given, "id": "r2", "video": video}),
+    ]
+    sentence = "r2: its video b.mp4 is that of r1, byte for byte; is it the right recording?"
+    assert list(doubled_videos(runs)) == told * [sentence]
+
+
+def test_one_recording_of_several_runs_is_doubted_only_where_they_are_at_the_same_time(tmp_path: Path) -> None:
+    video = tmp_path / "day.mp4"
+    video.write_bytes(b"x")
+    times = {"r1": (0.5, 2.0), "r2": (2.0, 4.0), "r3": (3.5, None)}
+    runs: Any = [SimpleNamespace(id=run, video=video, start_s=a, stop_s=b) for run, (a, b) in times.items()]
+    assert [sentence[:33] for sentence in doubled_videos(runs)] == ["r3: its video day.mp4 is that of r2"[:33]]
