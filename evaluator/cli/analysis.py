@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from evaluator.workflow import Analysis
 
 MOST_NAMED = 6  # runs that are named in a note common to many
+TOO_LITTLE = "turns < 1°"  # in place of a radius: turning.status.LEAST_TURN_DEG
 # A number, with its sign, that is not part of the name of a file or run.
 WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
 SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
@@ -128,7 +129,9 @@ def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
         row[named_after(mark, name)]
         for name in ("radius_mm", "radius_low_mm", "radius_high_mm", "turned_deg", "radius_status")
     )
-    if math.isfinite(value) and abs(turned) > 1:  # a smaller turn looks straight
+    if math.isfinite(value) and abs(turned) > 1:
         return f"{value:.3f} ({mark})" if mark else f"{value:.3f}", f"{low:.3f} to {high:.3f}"
-    straight = math.isfinite(value) or str(status).startswith("straight")
-    return "straight" if straight else "–", ""
+    little = math.isfinite(value) or str(status).startswith("turns too little")
+    if str(status).startswith("straight") or (little and row["left_rpm"] == row["right_rpm"]):
+        return "straight", ""
+    return TOO_LITTLE if little else "–", ""

@@ -9,6 +9,7 @@ import click
 
 from evaluator.cli.analysis import (
     STATUS_NOTE,
+    TOO_LITTLE,
     name_of,
     named_after,
     print_json,
@@ -56,9 +57,10 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
             continue
         command = command_text(row["left_rpm"], row["right_rpm"])
         simulated = row[f"simulated_{named_after(only_mark(measured), 'radius_mm')}"]
-        nothing = "straight" if math.isfinite(row["left_rpm"]) else UNKNOWN
+        seen = radius(measured)
+        nothing = "straight" if math.isfinite(row["left_rpm"]) and seen[0] != TOO_LITTLE else UNKNOWN
         known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
-        cells = [name_of(row), command, *radius(measured), known, f"{row['gap_rms_mm']:.3f}"]
+        cells = [name_of(row), command, *seen, known, f"{row['gap_rms_mm']:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)

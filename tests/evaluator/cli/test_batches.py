@@ -146,19 +146,22 @@ def test_an_export_prints_its_files_and_is_quiet_where_asked(
 
 
 @pytest.mark.parametrize(
-    ("turned_deg", "radius_mm", "status", "said"),
+    ("turned_deg", "radius_mm", "status", "right_rpm", "said"),
     [
-        (1.01, 5.0, "ok", ("5.000", "4.000 to 6.000")),
-        (-90.0, 5.0, "ok", ("5.000", "4.000 to 6.000")),
-        (1.0, 5.0, "ok", ("straight", "")),
-        (90.0, nan, "straight: so", ("straight", "")),
-        (90.0, nan, "too short", ("–", "")),
+        (1.01, 5.0, "ok", 30.0, ("5.000", "4.000 to 6.000")),
+        (-90.0, 5.0, "ok", 30.0, ("5.000", "4.000 to 6.000")),
+        (1.0, 5.0, "ok", 30.0, ("straight", "")),
+        (0.5, nan, "turns too little: by 0.5 degrees", 30.0, ("straight", "")),
+        (0.5, nan, "turns too little: by 0.5 degrees", 15.0, ("turns < 1°", "")),  # a phase of 0.2 s in a ramp
+        (90.0, nan, "straight: so", 15.0, ("straight", "")),
+        (90.0, nan, "too short", 30.0, ("–", "")),
     ],
 )
 def test_a_radius_is_a_number_where_the_eye_sees_a_turn(
-    turned_deg: float, radius_mm: float, status: str, said: tuple[str, str]
+    turned_deg: float, radius_mm: float, status: str, right_rpm: float, said: tuple[str, str]
 ) -> None:
     row = {"radius_mm": radius_mm, "radius_low_mm": 4.0, "radius_high_mm": 6.0}
+    row |= {"left_rpm": 30.0, "right_rpm": right_rpm}
     assert radius({**row, "turned_deg": turned_deg, "radius_status": status}) == said
 
 

@@ -34,7 +34,7 @@ def test_radii_of_points_follow_from_the_centre_of_rotation() -> None:
 def test_run_without_a_radius_has_no_radius_of_any_point() -> None:
     turning = measured(arc_poses(6875.0, 0.5, 600, slip_rad=0.0), 1e-4)
     assert turning.curvature_low_per_mm > 0
-    assert turning.radius_status.startswith("straight")
+    assert turning.radius_status.startswith("turns too little: by 0.5 degrees")
     radii = turning.radius_mm, turning.green_radius_mm, turning.rotation_y_mm, turning.wall_to_wall_radius_mm
     assert np.isnan(radii).all()
 

@@ -16,7 +16,9 @@ export async function show(view, { id, rest, signal }) {
 }
 
 const turns = (run) => run.radius_mm !== null && Math.abs(run.turned_deg) > 1;
-const is_straight = (run) => run.radius_mm !== null || String(run.radius_status).startsWith("straight");
+const status_begins = (run, words) => String(run.radius_status).startsWith(words);
+const turns_little = (run) => run.radius_mm !== null || status_begins(run, "turns too little");
+const without_radius = (run) => status_begins(run, "straight") || (turns_little(run) && run.left_rpm === run.right_rpm) ? "straight" : turns_little(run) ? "turns < 1°" : "–";
 const start = (id) => () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
 
 function nothing(found, id) {
@@ -45,7 +47,7 @@ function screen(found, id, wanted, signal) {
     h("tbody", {}, runs.map((run, index) => {
       const row = h("tr", { tabindex: 0, onclick: () => choose(index), onkeydown: (event) => { if (event.key === "Enter") choose(index); if (event.key === "ArrowDown") row.nextSibling?.focus(); if (event.key === "ArrowUp") row.previousSibling?.focus(); } },
         h("td", {}, run.id), h("td", {}, `${num(run.left_rpm)} / ${num(run.right_rpm)}`),
-        h("td", { title: turns(run) ? null : run.radius_status }, turns(run) ? fixed(run.radius_mm, 3) : is_straight(run) ? "straight" : "–"), h("td", {}, turns(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
+        h("td", { title: turns(run) ? null : run.radius_status }, turns(run) ? fixed(run.radius_mm, 3) : without_radius(run)), h("td", {}, turns(run) ? `${fixed(run.radius_low_mm, 3)} to ${fixed(run.radius_high_mm, 3)}` : ""),
         h("td", {}, run.simulated_radius_mm === null ? "–" : fixed(run.simulated_radius_mm, 3)), h("td", {}, fixed(run.speed_mm_s, 3)), h("td", {}, fixed(run.gap_rms_mm, 3)));
       rows.push(row);
       return row;
