@@ -113,6 +113,19 @@ class MarkGeometry:
         """Largest distance between two marks; NaN for a single one."""
         return self._apart(*self.farthest_pair()) if len(self.places_mm) > 1 else float("nan")
 
+    def center_sigma_mm(self, along_rad: float, place_sigma_mm: float) -> float:
+        """Standard uncertainty of the robot's centre in a direction of the body frame, if the places of the marks err.
+
+        place_sigma_mm: of each mark, along each axis. The centre follows from a rigid fit: the mean of the marks, and a
+        rotation times its distance from them. A radius is uncertain by this in the direction of the centre of rotation.
+        """
+        places = self.places()
+        middle = places.mean(axis=0)
+        square = float(((places - middle) ** 2).sum())
+        lever = -middle[1] * np.cos(along_rad) + middle[0] * np.sin(along_rad)
+        of_turn = lever**2 / square if square else 0.0
+        return place_sigma_mm * float(np.sqrt(1 / len(places) + of_turn))
+
     @property
     def axes_mm(self) -> tuple[float, float]:
         """Lengths at which the robot's axes are drawn, ahead and to the left; NaN for a single mark."""

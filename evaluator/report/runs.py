@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
+from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import mark_names, read_marks
 from evaluator.report.numbers import MILLIMETRES, LengthUnit, command_text, number, unit_for
 from evaluator.turning import only_mark
@@ -30,7 +31,8 @@ class RunView:
 
     Curves are read on first use. run: id in the experiment. unit: of its lengths. from_poses: its marks were computed
     from given poses, not observed. only_mark: name and place (mm) on the robot of its single mark; radius, speed and
-    path are then those of this mark.
+    path are then those of this mark. by_places_mm: standard uncertainty of the radius from the places of the marks on
+    the robot, which its interval does not contain.
     """
 
     run: str
@@ -41,6 +43,7 @@ class RunView:
     unit: LengthUnit = MILLIMETRES
     from_poses: bool = False
     only_mark: tuple[str, tuple[float, float]] | None = None
+    by_places_mm: float = 0.0
 
     @property
     def id(self) -> str:
@@ -155,11 +158,19 @@ def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
             ),
             from_poses=row["run"] in poses,
             only_mark=(mark, robot.points_mm[mark]) if mark else None,
+            by_places_mm=0.0 if mark or row["run"] in poses else _by_places_mm(robot, row),
         )
         for row, compared in both
         if row["run"] not in analysis.faults
         for mark in [only_mark(row)]
     ]
+
+
+def _by_places_mm(robot: Robot, row: dict[str, Any]) -> float:
+    """Standard uncertainty of the radius from the places of the marks: along the line to the centre of rotation."""
+    slip = np.nan_to_num(row.get("body_slip_angle_deg") or 0.0)
+    towards = np.radians(90.0 + slip)
+    return MarkGeometry(robot.points_mm).center_sigma_mm(float(towards), robot.known_to.mark_position_mm)
 
 
 def _of_mark(row: dict[str, Any], mark: str) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def radius_against_difference(runs: Sequence[RunView]) -> Figure | None:
         "radius-difference",
         "Radius against difference of rotational frequency",
         "Circles: runs with 95 % intervals; squares: their simulations. Where a square lies outside the interval, "
-        "model and robot disagree. (Figure 18 of the paper.)",
+        "model and robot disagree, or the marks are not where robot.toml says. (Figure 18 of the paper.)",
         (canvas.svg,),
         _radius_data(turning),
     )

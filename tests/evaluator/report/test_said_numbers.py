@@ -13,7 +13,7 @@ from evaluator.report import sections
 from evaluator.report.numbers import METRES, MILLIMETRES, command_text, interval, series_row
 from evaluator.report.pages.html import Table
 from evaluator.report.sections import _quality, _run_table
-from evaluator.report.summary import summary
+from evaluator.report.summary import headline, summary
 from evaluator.report.tables import directions_table, outline_table, pooled_table, slip_table, standard_sentence
 from evaluator.turning.circular_test import Estimate, Series
 from tests.evaluator.report.shown import Shown, shown, turned
@@ -43,6 +43,17 @@ def test_simulated_radii_are_counted_within_their_intervals_and_the_worst_is_tol
     assert "than measured (run b)." in said(runs)
     assert "at worst it is 2.0 % wider than measured (run a)." in said([runs[0], runs[2]])
     assert "The simulated robot drives straight in the measured turns." in said([turned("d", 10.0, nan, nan)])
+
+
+def test_the_tolerance_of_the_positions_of_the_marks_is_told_beside_intervals_without_it() -> None:
+    """ "0 of 5 turns inside" stood above "nothing is missing", with marks that were glued 0.06 mm off."""
+    runs = [replace(turned("a", 10.0, 2.0, 10.15), by_places_mm=0.06), turned("b", 12.0, 2.0, 12.15)]
+    text = said(runs)
+    assert "the tolerance of their positions adds ±0.1 mm (95 %, run a)." in text  # 1.96 x 0.06
+    assert "inside the measured 95 % interval in 0 of 2 turns, in 1 with the tolerance of the positions" in text
+    assert "tolerance" not in said([replace(runs[0], by_places_mm=0.02), runs[1]])  # 0.039 beside 0.1 mm
+    assert "; positions of the marks ±0.1 mm" in headline(runs)[0].range
+    assert "positions" not in headline(runs[1:])[0].range
 
 
 def test_speeds_of_straight_runs_are_set_against_the_simulated_ones() -> None:

@@ -71,6 +71,17 @@ def test_what_a_tracker_gets_wrong_in_all_frames_turns_the_heading_and_scales_no
     assert alike.measured
 
 
+def test_positions_of_the_marks_move_the_centre_as_their_closed_form_says(budget: Budget) -> None:
+    """The report states this for every turn, without measuring it again with each mark elsewhere."""
+    towards = np.radians(90.0 + budget.turning.body_slip_angle_deg)
+    expected = GEOMETRY.center_sigma_mm(float(towards), KNOWN.mark_position_mm)
+    assert of(budget, "positions").radius_mm == pytest.approx(expected, rel=0.02)
+    assert GEOMETRY.center_sigma_mm(0.0, 0.05) == pytest.approx(0.05 / np.sqrt(2))  # ahead: the mean of two marks
+    turns = 1.55 / (SPACING_MM / np.sqrt(2))
+    assert GEOMETRY.center_sigma_mm(np.pi / 2, 0.05) == pytest.approx(0.05 * np.hypot(1 / np.sqrt(2), turns))
+    assert MarkGeometry({"one": (3.0, 4.0)}).center_sigma_mm(0.3, 0.05) == 0.05
+
+
 @pytest.mark.parametrize(
     ("source", "scale"),
     [

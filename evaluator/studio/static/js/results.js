@@ -64,7 +64,7 @@ function screen(found, id, wanted, signal) {
       h("dl", { class: "figures" }, figure("runs measured", runs.length), figure("gap of model and robot", found.gap_mm === null ? "–" : length(found.gap_mm), "gap", found.gap_mm))),
     notice,
     h("div", { class: "two" },
-      h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree. Click a point to see its run.")),
+      h("section", { class: "card" }, h("h2", {}, "Radius against difference of speed"), points.canvas, h("p", { class: "legend small soft" }, h("i", { class: "blue" }), "measured, 95 % interval", h("i", { class: "vermillion dashed" }), "simulated (square)"), h("p", { class: "small soft" }, "Where a square lies outside the interval, model and robot disagree, or the marks are not where robot.toml says. Click a point to see its run.")),
       h("section", { class: "card" }, h("h2", {}, "Trajectory"), plate.canvas, h("p", { class: "legend small soft" }, h("i", { class: "ink" }), "measured centre", h("i", { class: "vermillion dashed" }), "simulated", h("i", { class: "blue" }), "circle of minimum radius"), h("p", { class: "small soft" }, "Click a point of the path to see its frame."))),
     detail,
     h("section", { class: "scroll wide tall" }, table));
