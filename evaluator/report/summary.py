@@ -9,8 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evaluator.report.diagnosis.words import as_sentence, gap_sentence, in_words, verdict_sentence
-from evaluator.report.numbers import number, significant, true_minus
+from evaluator.report.diagnosis.words import (
+    as_sentence,
+    gap_sentence,
+    in_words,
+    moved_marks_sentence,
+    verdict_sentence,
+)
+from evaluator.report.numbers import number, significant
 from evaluator.report.runs import RunView, column
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.turning.pooling import pooled
@@ -36,7 +42,8 @@ def summary(
     """Sentences, most important first."""
     turning = [run for run in runs if run.turns]
     sentences = [_tightest(turning)] if turning else ["No run turns, so there is no turning radius."]
-    sentences += [_directions(directions), _agreement(turning), _speed(runs)]
+    explained = diagnosis is not None and diagnosis.get("verdict") == "none"
+    sentences += [_directions(directions), _agreement(turning, explained=explained), _speed(runs)]
     if diagnosis is not None:
         sentences.append(diagnosis_sentence(diagnosis))
         sentences[:0] = _mistakes_of_diagnosis(diagnosis, {run.run for run in runs})
@@ -107,7 +114,7 @@ def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
     open_end = diagnosis.get("verdict") in ("unknown", "insufficient")
     reason = as_sentence(in_words(str(diagnosis.get("reason") or ""))) if open_end else ""
     gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
-    return " ".join(filter(None, (verdict_sentence(diagnosis), reason, gap)))
+    return " ".join(filter(None, (verdict_sentence(diagnosis), reason, moved_marks_sentence(diagnosis), gap)))
 
 
 def _scale(runs: Sequence[RunView]) -> str:
@@ -117,8 +124,8 @@ def _scale(runs: Sequence[RunView]) -> str:
         return ""
     way = "farther apart" if np.nanmedian(off) > 0 else "nearer"
     return (
-        f"All lengths below are doubtful: the marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says "
-        "(see Quality of the measurement)."
+        f"The marks are {abs(np.nanmedian(off)):.0f} % {way} than robot.toml says: either their positions there are "
+        "off, or all lengths below by as much (see Quality of the measurement)."
     )
 
 
@@ -167,7 +174,8 @@ def _directions(directions: pd.DataFrame) -> str:
     low, high = known["radius_change_low_percent"], known["radius_change_high_percent"]
     change = pooled(known["radius_change_percent"].to_numpy(float), ((high - low) / (2 * Z_975)).to_numpy(float))
     over = f"{len(known)} pairs of commands" if len(known) > 1 else "one pair of commands"
-    bounds = true_minus(f"95 %: {change.low:+.2g} to {change.high:+.2g} %, {over}")
+    least, most = (significant(bound, 2, sign=True) for bound in (change.low, change.high))
+    bounds = f"95 %: {least} to {most} %, {over}"
     if change.low <= 0 <= change.high:
         return f"Forward and backward turns do not differ significantly ({bounds})."
     way = "tighter" if change.mean < 0 else "wider"
@@ -176,8 +184,8 @@ def _directions(directions: pd.DataFrame) -> str:
     )
 
 
-def _agreement(turning: Sequence[RunView]) -> str:
-    """Simulated radii against measured intervals."""
+def _agreement(turning: Sequence[RunView], *, explained: bool) -> str:
+    """Simulated radii against measured intervals; explained: whether a diagnosis found nothing missing."""
     if not turning:
         return ""
     off = column(turning, "radius_difference_percent", "comparison")
@@ -194,7 +202,10 @@ def _agreement(turning: Sequence[RunView]) -> str:
     if allowed > inside:
         text += f", in {allowed} with the tolerance of the positions of the marks"
     way = "wider" if off[worst] > 0 else "tighter"
-    return f"{text}; at worst it is {_percent(abs(off[worst]))} {way} than measured (run {turning[worst].id})."
+    text += f"; at worst it is {_percent(abs(off[worst]))} {way} than measured (run {turning[worst].id})"
+    if explained and inside < len(turning):
+        text += ". This is with the values of robot.toml; the diagnosis adjusts them within their tolerances"
+    return f"{text}."
 
 
 def _speed(runs: Sequence[RunView]) -> str:

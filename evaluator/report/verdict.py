@@ -21,6 +21,7 @@ from evaluator.report.diagnosis.words import (
     gap_sentence,
     in_words,
     left_out_sentence,
+    moved_marks_sentence,
     next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
@@ -51,6 +52,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
             lines.append(f"  {name} = {best}  [95 %: {low} to {high}]")
         lines += [together_sentence(effect), equivalents_sentence(effect)]
     lines += [
+        moved_marks_sentence(content),
         gap_sentence(content),
         predicted_sentence(content),
         scatter_sentence(content),

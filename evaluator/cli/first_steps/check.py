@@ -34,7 +34,10 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
         for mistake in found.mistakes:
             click.echo(f"mistake? {mistake}", err=True)
         if not found.faults and not found.mistakes and not quiet:
-            click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {found.videos} from video")
+            videos = f"{found.videos} from video" + ", whose motion turnscope analyze checks" * bool(found.videos)
+            click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {videos}")
     if mend and not found.faults:
+        if found.videos:
+            click.echo("the motion in videos is not checked here, but by turnscope diagnose --write-mended", err=True)
         say_mended(experiment)
     return BAD_INPUT if found.faults or found.mistakes else 0

@@ -95,6 +95,20 @@ def equivalents_sentence(effect: Json) -> str:
     return f"These runs cannot distinguish it from: {', or '.join(named)}."
 
 
+def moved_marks_sentence(content: Json) -> str:
+    """What displaced marks mean for everything measured, and how robot.toml is corrected; empty without them."""
+    found = [effect for effect in content.get("effects") or [] if effect["id"] == "mark-offset"]
+    if content.get("verdict") != "effect" or not found:
+        return ""
+    given = found[0]["parameters"]
+    x, y, angle = (sizes(name, given[name], "mark-offset")[0] for name in ("x_mm", "y_mm", "angle_deg"))
+    return (
+        "Measured radii, speeds and paths are therefore of another point than the robot's centre. To correct this, "
+        f"turn the positions in [marks] of robot.toml by {angle}° about the centre, move them by ({x}, {y}) mm, and "
+        "analyse again."
+    )
+
+
 def together_sentence(effect: Json) -> str:
     """That an effect of several parameters acts though each interval contains the value at which it does not."""
     parameters, id_ = effect["parameters"], effect["id"]

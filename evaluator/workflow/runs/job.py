@@ -169,8 +169,8 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
     if abs(off) > SPACING_PERCENT:
         way = "farther apart" if off > 0 else "nearer"
         yield (
-            f"the marks are {abs(off):.0f} % {way} than robot.toml says, and every length is off by as much: is the "
-            "pitch of the gauge right, the height of the marks, their place in robot.toml?"
+            f"the marks are {abs(off):.0f} % {way} than robot.toml says: either their positions there are off, or "
+            "every length is by as much (is the pitch of the gauge right, the height of the marks?)"
         )
     yield from tracked.get("notes", ())
     if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):

@@ -132,7 +132,7 @@ def test_a_self_test_that_fails_has_status_1(stub: Any, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("faults", "mistakes", "status", "out", "err"),
     [
-        ([], [], 0, "e.toml: no errors; 1 run, 1 from video\n", ""),
+        ([], [], 0, "e.toml: no errors; 1 run, 1 from video, whose motion turnscope analyze checks\n", ""),
         (["a.csv: empty"], [], 2, "", "error: a.csv: empty\n"),
         ([], ["r1: backward"], 2, "", "mistake? r1: backward\n"),
     ],

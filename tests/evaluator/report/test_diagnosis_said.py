@@ -24,6 +24,7 @@ from evaluator.report.diagnosis.words import (
     equivalents_sentence,
     gap_sentence,
     left_out_sentence,
+    moved_marks_sentence,
     next_runs_sentence,
     rivals_sentence,
     scatter_sentence,
@@ -335,3 +336,17 @@ def test_values_that_may_each_be_those_of_no_effect_are_not_all_at_once(
 def test_frames_of_smoothed_tracks_that_are_not_used_are_told() -> None:
     assert smoothed_sentence({"noise": {"smoothed": True}}).startswith("The tracks are smoothed over several frames")
     assert [smoothed_sentence(content) for content in ({"noise": {"smoothed": False}}, {"noise": None}, {})] == [""] * 3
+
+
+def test_displaced_marks_are_told_to_displace_everything_measured() -> None:
+    """The radius of a tightest turn stayed 33 % wrong above the finding that the marks are 1 mm off."""
+    given = {"x_mm": (0.98, 0.01), "y_mm": (-0.87, 0.01), "angle_deg": (8.0, 0.1)}
+    parameters = {
+        name: {"value": best, "low": best - half, "high": best + half} for name, (best, half) in given.items()
+    }
+    content: dict[str, Any] = {"verdict": "effect", "effects": [{"id": "mark-offset", "parameters": parameters}]}
+    said = moved_marks_sentence(content)
+    assert "another point than the robot's centre" in said
+    assert "by 8.00° about the centre, move them by (0.980, −0.870) mm" in said
+    assert moved_marks_sentence({**content, "verdict": "unknown"}) == ""
+    assert moved_marks_sentence({"verdict": "effect", "effects": []}) == ""

@@ -75,7 +75,8 @@ def test_lengths_are_doubtful_where_marks_are_three_per_cent_from_where_they_sho
     ratios: tuple[float, ...], warned: str
 ) -> None:
     found = said([turned(f"r{k}", 9.0, mark_spacing_ratio=ratio) for k, ratio in enumerate(ratios)])
-    assert found.startswith(f"All lengths below are doubtful: the marks are {warned}") == bool(warned)
+    assert found.startswith(f"The marks are {warned}") == bool(warned)
+    assert ("than robot.toml says: either their positions there are off, or all lengths below" in found) == bool(warned)
 
 
 def test_backward_turns_are_pooled_by_their_intervals_and_differ_where_these_leave_nought_out() -> None:
@@ -91,9 +92,10 @@ def test_backward_turns_are_pooled_by_their_intervals_and_differ_where_these_lea
         return said([turned("a", 9.0)], pd.DataFrame(rows))
 
     assert "Backward turns are 2.0 % tighter than" in both((-2.0, 1.5))
-    assert "(95 %: −3.5 to −0.5 %, one pair of commands)" in both((-2.0, 1.5))
+    assert "(95 %: −3.5 to −0.50 %, one pair of commands)" in both((-2.0, 1.5))
+    assert "(95 %: +900 to +940 %, one pair of commands)" in both((920.0, 20.0))  # it was +9e+02 to +9.4e+02
     assert "Backward turns are 2.0 % wider than" in both((2.0, 1.5))
-    assert "do not differ significantly (95 %: −0.5 to +3.5 %, one pair of commands)" in both((1.5, 2.0))
+    assert "do not differ significantly (95 %: −0.50 to +3.5 %, one pair of commands)" in both((1.5, 2.0))
     many = both((2.9, 1.5), (3.0, 1.5), (3.1, 1.5), (9.0, nan))  # Student's t of 2 degrees: 4.30 · 1.5 / 1.96 / √3
     assert "Backward turns are 3.0 % wider" in many
     assert "(95 %: +1.1 to +4.9 %, 3 pairs of commands)" in many
@@ -316,5 +318,9 @@ def test_mistakes_that_only_the_diagnosis_finds_are_told_first_and_why_nothing_e
         runs, {}, {**found, "left_out_runs": {"r14": "it diverges", "r07": "it alone needs a drag"}}, NONE
     )
     assert any(line.endswith("and tolerances, apart from r07, r14, left out of the diagnosis.") for line in without)
+    outside = [turned("a", 10.0, 2.0, 10.3)]
+    adjusted = "at worst it is 2.0 % wider than measured (run a). This is with the values of robot.toml; the diagnosis"
+    assert adjusted in " ".join(summary(outside, {}, found, NONE))
+    assert "This is with" not in " ".join(summary(outside, {}, {**found, "verdict": "insufficient"}, NONE))
     unknown = summary(runs, {}, {**found, "verdict": "unknown", "reason": "the runs a and b are explained apart"}, NONE)
     assert unknown[-1].endswith(" explains. The runs a and b are explained apart.")
