@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from evaluator.diagnosis.answer import answer
@@ -19,6 +20,7 @@ from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
@@ -30,7 +32,13 @@ from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_input import prepared
-from evaluator.diagnosis.search_runs import challenge_with_free_terms, fit_on_all_runs, refined, search_named
+from evaluator.diagnosis.search_runs import (
+    challenge_with_free_terms,
+    fit_on_all_runs,
+    refined,
+    search_named,
+    seeds_without,
+)
 from evaluator.progress import Progress
 
 ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
@@ -208,16 +216,17 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         return _diagnosed(rest, progress, fits)
 
 
-def _searched(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis of runs that are sufficient for a search."""
+def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:
+    """The diagnosis of runs that are sufficient for a search; seeds: initial values from a search of more runs."""
     ready = prepared(session, progress, fits)
     free = ready.free
     if ready.problem.open_ground:
         part, everything = searched_on_ground(ready, progress)
     else:
-        part = search_named(ready, progress)
+        part = search_named(ready, progress, seeds)
         if diverging := diverging_runs(part):
-            return _searched(session.leaving_out(diverging, DIVERGING), progress, fits)
+            rest = session.leaving_out(diverging, DIVERGING)
+            return _searched(rest, progress, fits, seeds_without(part, diverging))
         part = refined(part, ready.start, progress)
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score, separations, standing
@@ -49,17 +51,30 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
     return table, best
 
 
-def search_named(ready: Prepared, progress: Progress) -> Search:
-    """The search over named effects on all runs that are not held out."""
+def search_named(ready: Prepared, progress: Progress, seeds: Sequence[Fit] = ()) -> Search:
+    """The search over named effects on all runs that are not held out; seeds: of `seeds_without`."""
     part, begin, large = _begun(ready, fitted_runs(ready.problem.data))
-    if large:
+    if large or seeds:
         usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
     else:
         part, begin = _with_drift(part, begin)
-    seconds_first = short_horizon_fits(part, ready.start, progress) if large else ()
-    run_search(part, begin, ready.start, progress, seconds_first)
+    if large and not seeds:
+        seeds = short_horizon_fits(part, ready.start, progress)
+    run_search(part, begin, ready.start, progress, seeds)
     return part
+
+
+def seeds_without(part: Search, runs: Collection[int]) -> list[Fit]:
+    """The best fits of a search that explains its runs, as initial values of a search without some of the runs.
+
+    None if it does not explain them: what the runs did to it is then unknown, and the others are searched anew.
+    """
+    if part.explained == -np.inf:
+        return []
+    keep = [run for run in range(len(part.problem.data)) if run not in runs]
+    points = [(fit, replace(fit.point, per_run=fit.point.per_run[keep])) for fit in part.initial(RIVALS_KEPT)]
+    return [replace(fit, point=point) for fit, point in points if fit.terms]
 
 
 def null_alone(ready: Prepared) -> tuple[Search, Fit | None]:

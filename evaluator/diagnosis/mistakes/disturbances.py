@@ -27,6 +27,7 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
+from evaluator.diagnosis.mistakes.outrun import BRIEF_S, PUSHED_SHARE, outruns_its_wheels
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
 from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
@@ -48,10 +49,9 @@ UNITS = {unit.replace("um", "µm"): 1 / size_mm for unit, size_mm in MM_PER.item
 UNIT_SHARE = 0.06  # relative tolerance of the distance of the marks in another unit
 PX_RATIO = 3.0  # a distance larger by this factor, and by none of a unit of length, is in pixels
 STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter one is a run that does not move
-HELD_SHARE, PUSHED_SHARE = 0.4, 1.6  # of the usual speed of the run: physical effects cause no such brief changes
+HELD_SHARE = 0.4  # of the usual speed of the run: physical effects cause no such brief changes
 CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
 SHOWS_USUAL_S = 3 * HELD_S  # of motion: twice as much as a disturbance is of the usual kind
-BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
 SETTLED_S = 0.5  # time after the start in which the motors reach their speed
 
 
@@ -125,6 +125,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     since = {id(phase): _stands_since(phase, robot) for phase, robot in phases}
     standing = {phase for phase, begins in since.items() if begins is not None}
     counts = Counter((unsigned_rpm(phase.left_rpm, phase.right_rpm), id(phase) in standing) for phase, _ in phases)
+    robot_of = {run.id: robot for run, robot in zip(data, robots, strict=True)}
     of_run: dict[str, list[RunData]] = {}
     for phase, _ in phases:
         of_run.setdefault(phase.id, []).append(phase)
@@ -149,7 +150,12 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             )
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
-        found += [item for phase in moving if (item := _disturbance(phase) or _carried_off(phase)) is not None][:1]
+        found += [
+            item
+            for phase in moving
+            if (item := _disturbance(phase) or _carried_off(phase) or outruns_its_wheels(phase, robot_of[run.id]))
+            is not None
+        ][:1]
     return found
 
 

@@ -126,6 +126,26 @@ def test_a_run_of_another_frame_interval_may_be_at_the_rate_that_this_says() -> 
     assert "wrong-rate" not in ways_of(run, ratio=2.1)
 
 
+@pytest.mark.parametrize(
+    ("begins_s", "shown"),
+    [
+        (0.5, []),  # as stated
+        (1.0, [2.0]),  # at twice the time: frames count half as often as they should
+        (0.25, [0.5, 25 / 60]),  # or at 0.21 s: how well the run fits decides
+        (1.7, []),  # late, and by no usual rate
+        (None, []),  # no rest is seen before
+    ],
+)
+def test_a_start_at_the_time_of_another_rate_is_evidence_for_it(begins_s: float | None, shown: list[float]) -> None:
+    """It was told as a start that is 0.25 s early, of a run that seemed to drive twice as fast."""
+    since = TIME if begins_s is None else np.maximum(TIME - begins_s, 0.0)
+    run = replace(recorded(moving(since)), start_s=0.5)
+    ways = [way for way in alternatives(run, [], None, 0.04) if way.own]
+    assert {way.kind for way in ways} == ({"wrong-rate"} if shown else set())
+    found = [run.time_s[-1] / way.run.time_s[-1] for way in ways]
+    assert found == pytest.approx(shown, rel=1e-3)
+
+
 def test_a_log_may_be_reversed_exchanged_that_of_another_run_or_up_to_two_seconds_off() -> None:
     run = replace(recorded(moving(TIME)), log=LOG, start_s=0.5)
     other = replace(run, id="other", log=RunCommand(Command.steps([(0.0, 10.0, 10.0)]), logged=True))

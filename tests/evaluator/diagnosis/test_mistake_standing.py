@@ -1,4 +1,4 @@
-"""Robots that stand with their motors on are stuck, from the start or soon after it, unless slower ones stand, too."""
+"""Robots that stand with motors on are stuck, unless slower ones stand, too; robots that outrun them are pushed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs
+from evaluator.diagnosis.mistakes.outrun import outruns_its_wheels
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
 
 TIME = np.arange(180) / 60  # s; driven from 0.5 s on
@@ -48,3 +49,38 @@ def test_robots_that_all_stand_after_they_coasted_stand_for_a_reason() -> None:
     faster = [driven(number) for number in range(2, 8)]
     assert disturbed_runs([*coasting, *faster], [ROBOT] * 8) == []
     assert standing_runs([*coasting, *faster], [ROBOT] * 8) == {"r0", "r1"}
+
+
+def pushed(at_s: float, lasts_s: float, by_mm: float) -> np.ndarray:
+    """Speeds of a run that is pushed on its way, mm/s."""
+    return np.where((at_s <= TIME) & (at_s + lasts_s > TIME), by_mm / lasts_s, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("speed", "told"),
+    [
+        (pushed(0.7, 0.08, 1.0), True),  # 0.2 s after its start: its motion before is too short to be known
+        (pushed(0.7, 0.08, 0.45), False),  # 0.55 mm in 0.15 s, while its wheels roll 0.24: within 0.2 mm of 1.6 times
+        (pushed(1.5, 0.4, 4.0), True),
+        (pushed(1.5, 0.6, 6.0), False),  # no hand: a magnet that captures it, a slope
+        (np.full(180, 4.0), False),  # all the time: another command
+    ],
+)
+def test_a_robot_that_outruns_its_wheels_for_a_moment_is_pushed(speed: np.ndarray, told: bool) -> None:
+    """The speed of a push was told as that of the run: its recording ended 0.5 s later."""
+    found = outruns_its_wheels(driven(0, speed=speed), ROBOT)
+    assert (found is not None) == told
+    if found is not None:
+        assert (found.kind, found.equivalent) == ("pushed", ("camera-moved",))
+    assert outruns_its_wheels(replace(driven(0, speed=speed), from_poses=True), ROBOT) is None
+
+
+def test_a_push_is_told_with_the_way_and_what_the_wheels_roll_meanwhile() -> None:
+    found = outruns_its_wheels(driven(0, speed=pushed(0.7, 0.08, 1.0)), ROBOT)
+    assert found is not None
+    rolled = f"{0.15 * ROLLED_MM_S:.2g} mm"
+    assert found.seen.startswith("moves by 1.1 mm from 0.")
+    assert found.seen.endswith(f"while its wheels roll {rolled}")
+    wrong = driven(0)
+    wrong.marks_mm[90:92] += 3.0  # two frames
+    assert outruns_its_wheels(wrong, ROBOT) is None

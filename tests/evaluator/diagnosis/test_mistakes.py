@@ -37,12 +37,18 @@ def _pushed(run: RunData) -> RunData:
     return replace(run, marks_mm=run.marks_mm + share[:, None] * np.tile((2.5, -1.5), 2))
 
 
+def _every_other_frame(run: RunData) -> RunData:
+    """Half of the frames, as far apart as before: twice as fast, and the start is at half of its time."""
+    return replace(run, time_s=run.time_s[::2] / 2, marks_mm=run.marks_mm[::2])
+
+
 CHANGES: dict[str, tuple[str, Change]] = {
     "signs": ("reversed", lambda r: replace(r, left_rpm=-r.left_rpm, right_rpm=-r.right_rpm)),
     "sides": ("sides-swapped", lambda r: replace(r, left_rpm=r.right_rpm, right_rpm=r.left_rpm)),
     "columns": ("marks-swapped", lambda r: replace(r, marks_mm=r.marks_mm[:, [2, 3, 0, 1]])),
     "mirror": ("mirrored", lambda r: replace(r, marks_mm=r.marks_mm * [-1.0, 1.0, -1.0, 1.0])),
     "half the rate": ("wrong-rate", lambda r: replace(r, time_s=2 * r.time_s)),
+    "at 60/s as the others, filmed at 30/s": ("wrong-rate", _every_other_frame),
     "metres": ("wrong-unit", lambda r: replace(r, marks_mm=r.marks_mm / 1000)),
     "inches": ("wrong-unit", lambda r: replace(r, marks_mm=r.marks_mm / 25.4)),
     "another robot": ("wrong-robot", lambda r: replace(r, marks_mm=1.3 * r.marks_mm)),

@@ -9,7 +9,9 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.command_unit import Factor, driven
+from evaluator.diagnosis.mistakes.motion import Onset, onset
 from evaluator.diagnosis.mistakes.recognised import Correction, Kind
+from evaluator.diagnosis.mistakes.start.late_start import LATE_S
 from evaluator.interchange.commands import RunCommand
 
 FRAMES = 80  # per run in a comparison, which suffice for a smooth path
@@ -18,6 +20,7 @@ RATES = (0.5, 2.0, 0.25, 4.0, 0.125, 8.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
 # Factors of the speed of one side: a decimal point in a wrong place, a sign forgotten.
 MISTYPED = {0.1: "the decimal point", 10.0: "the decimal point", -1.0: "the sign"}
+RATE_TIMES = 5.0  # a start that a wrong rate moves is known to a fifth of that, which a late one meets once in a while
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 
@@ -51,6 +54,7 @@ def alternatives(
     mirrored = replace(run, marks_mm=run.marks_mm * np.array([-1.0, 1.0, -1.0, 1.0]))
     # if frames of a run are as far apart as those of the others, the rate is right: then the command is another one
     rates = RATES if interval_ratio is None else [r for r in RATES if abs(interval_ratio / r - 1) < same_interval]
+    begins = onset(run)
     return [
         Alternative(None, run),
         *_same_speeds(run),
@@ -61,7 +65,7 @@ def alternatives(
                 "wrong-rate",
                 replace(run, time_s=run.time_s / ratio, start_s=run.start_s),
                 f"moves as if the times in its file were {ratio:.3g} times as long as they should be",
-                own=interval_ratio is not None,
+                own=interval_ratio is not None or _shows_in_the_start(run, begins, ratio),
             )
             for ratio in rates
         ),
@@ -69,6 +73,17 @@ def alternatives(
         *_other_commands(run, data),
         *(_mistyped(run) if run.log is None else _offsets(run)),
     ]
+
+
+def _shows_in_the_start(run: RunData, begins: Onset | None, ratio: float) -> bool:
+    """Whether motion begins where a wrong frame rate moves the start, and not where the file states it.
+
+    A wrong command does not move the start, and a late one does not change the speed by the same factor.
+    """
+    if begins is None:
+        return False
+    late_s, left_s = abs(begins.time_s - run.start_s), abs(begins.time_s - ratio * run.start_s)
+    return late_s > max(LATE_S, RATE_TIMES * left_s)
 
 
 def correction_to(way: Alternative, stated: Alternative) -> Correction | None:

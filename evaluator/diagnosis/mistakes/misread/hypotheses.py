@@ -99,7 +99,8 @@ def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
     judged = map(_judged, judgements, [usual] * len(data), least, within)
     found = [item for item in judged if item is not None]
     if same and not one_rate_fits(judgements):
-        found = [item for item in found if item.kind != "wrong-rate"]
+        shown = {item.ways[0].run.id for item in judgements if any(w.own for w in item.ways if w.kind == "wrong-rate")}
+        found = [item for item in found if item.kind != "wrong-rate" or item.run in shown]
     alike = late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
     found = without_regimes(beyond_the_others(found, judgements), judgements)

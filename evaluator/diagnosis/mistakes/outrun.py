@@ -1,0 +1,47 @@
+"""Runs that get farther for a moment than their wheels roll: pushed, pulled, or displaced with the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import LEAST_LEAP_MM, WINDOW_S, midpoint_and_heading
+from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.interchange.commands import unsigned_rpm
+from simulator.robot import Robot
+
+PUSHED_SHARE = 1.6  # of the usual speed of the run, or of its wheels: physical effects cause no such brief changes
+BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
+STEADIED = 5  # frames of a median, which two wrong ones do not move
+
+
+def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
+    """A brief time in which a robot gets much farther than its wheels roll, also soon after its start.
+
+    No effect drives it faster than its wheels, except a pull that captures it. A run that outruns them for longer, or
+    over half of its time, has wrong wheel speeds or times. Given poses are not judged: many are held, and then jump.
+    """
+    if run.from_poses:
+        return None
+    end = np.inf if run.stop_s is None else run.stop_s
+    time, middle, _ = midpoint_and_heading(run)
+    inside = (time >= run.start_s) & (time <= end)
+    time, middle = time[inside], middle[inside]
+    rolls_mm_s = unsigned_rpm(run.left_rpm, run.right_rpm)[1] * 2 * np.pi * robot.driving_radius_mm / 60
+    if len(time) < 2 * STEADIED or not rolls_mm_s:
+        return None
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(middle, STEADIED, axis=0), axis=2)
+    time = time[STEADIED // 2 : -(STEADIED // 2)]
+    later = np.searchsorted(time, time + WINDOW_S)
+    first = np.flatnonzero(later < len(time))
+    later = later[first]
+    moved, rolled = np.hypot(*(middle[later] - middle[first]).T), rolls_mm_s * (time[later] - time[first])
+    outrun = moved > PUSHED_SHARE * rolled + LEAST_LEAP_MM
+    if not outrun.any() or np.mean(outrun) > 0.5 or time[first[outrun][-1]] - time[first[outrun][0]] > BRIEF_S:
+        return None
+    most = int(np.argmax(moved - rolled))
+    begin, stop = time[first[most]], time[later[most]]
+    seen = (
+        f"moves by {moved[most]:.2g} mm from {begin:.2f} to {stop:.2f} s, while its wheels roll {rolled[most]:.2g} mm"
+    )
+    return Found(run.id, "pushed", seen, "inspect the recording: was the robot pushed or pulled?", ("camera-moved",))
