@@ -12,7 +12,7 @@ from simulator.robot import Robot
 
 PUSHED_SHARE = 1.6  # of the usual speed of the run, or of its wheels: physical effects cause no such brief changes
 BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
-STEADIED = 5  # frames of a median, which two wrong ones do not move
+STEADIED = 7  # frames of a median, which three wrong ones do not move
 
 
 def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:

@@ -77,8 +77,8 @@ def test_less_than_three_quarters_of_a_second_at_a_command_is_not_judged(stop_s:
 
 @pytest.mark.parametrize(("at_s", "found"), [(0.65, []), (0.75, ["pushed"])])
 def test_eight_frames_of_steady_motion_before_a_push_show_it(at_s: float, found: list[str]) -> None:
-    """A millimetre within 80 ms, in a run of 1.5 s of which a second is steady: it was seen from 0.83 s on only."""
-    aside = 1.0 * np.clip((TIME - at_s) / 0.08, 0.0, 1.0)
+    """0.45 mm within 80 ms, in a run of 1.5 s of which a second is steady: it was seen from 0.83 s on only."""
+    aside = 0.45 * np.clip((TIME - at_s) / 0.08, 0.0, 1.0)
     assert happens(replace(recorded(along(1.5 * TIME, across=aside)), stop_s=1.45)) == found
 
 

@@ -157,7 +157,10 @@ def _mistyped(run: RunData) -> list[Alternative]:
                 words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm, not {left:g} / {right:g}"
                 changed = replace(run, left_rpm=command[0], right_rpm=command[1])
                 found.append(Alternative("wrong-command", changed, f"{words} (check {what})"))
-    return found
+    # Nothing drives one robot twice as fast as the others; many things drive one half as fast.
+    words = f"moves as if it were commanded {2 * left:g} / {2 * right:g} rpm, not {left:g} / {right:g}"
+    twice = replace(run, left_rpm=2 * left, right_rpm=2 * right)
+    return [*found, Alternative("wrong-command", twice, f"{words} (check its frame rate, too)")]
 
 
 def distinct_commands(data: Sequence[RunData]) -> list[RunData]:
