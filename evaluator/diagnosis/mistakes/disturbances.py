@@ -18,7 +18,7 @@ from evaluator.diagnosis.mistakes.intervals import (
     stretches,
     unlike,
 )
-from evaluator.diagnosis.mistakes.jump import jump
+from evaluator.diagnosis.mistakes.jump import frames_ahead, jump
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
@@ -144,10 +144,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             continue
         moved = jump(run)
         if moved is not None:
-            seen = f"both marks jump by {moved[1]:.2f} mm at {moved[0]:.2f} s"
-            found.append(
-                Found(run.id, "camera-moved", seen, "was the camera moved, or the robot displaced?", ("pushed",))
-            )
+            found.append(_jumping(run, *moved))
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
         found += [
@@ -157,6 +154,17 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             is not None
         ][:1]
     return found
+
+
+def _jumping(run: RunData, at_s: float, size_mm: float) -> Found:
+    """A jump of both marks; ahead along the path it may be that of lost frames."""
+    frames = frames_ahead(run, at_s)
+    if frames:
+        seen = f"both marks jump ahead by {size_mm:.2f} mm at {at_s:.2f} s, as far as it drives in {frames} frames"
+        remedy = "were frames lost though the times count on, was the camera moved, or the robot pushed?"
+        return Found(run.id, "wrong-rate", seen, remedy, ("camera-moved", "pushed"))
+    seen = f"both marks jump by {size_mm:.2f} mm at {at_s:.2f} s"
+    return Found(run.id, "camera-moved", seen, "was the camera moved, or the robot displaced?", ("pushed",))
 
 
 def standing_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> set[str]:
@@ -237,7 +245,7 @@ def _carried_off(run: RunData) -> Found | None:
     if moved is None:
         return None
     # frames may be missing or set aside: those around a jump are
-    seen = f"is {moved[2]:.2f} mm off its path after {moved[0]:.2f} to {moved[1]:.2f} s, in which no frame was usable"
+    seen = f"is {moved[2]:.2f} mm off its path after {moved[0]:.2f} to {moved[1]:.2f} s, of which no frame is used"
     remedy = "inspect the recording: was the robot pushed, or the camera moved?"
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 

@@ -58,6 +58,25 @@ def jump(run: RunData) -> tuple[float, float] | None:
     return (float(at), float(sizes[best])) if sizes[best] > 0 else None
 
 
+def frames_ahead(run: RunData, at_s: float) -> int:
+    """Frames by which a robot would get as far as it jumps at a time, s; 0 if the jump is not ahead along its path.
+
+    More than MOST_LOST at once are lost now and then: that looks like a jump of the camera along the path.
+    """
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    time, marks = run.time_s[seen], run.marks_mm[seen]
+    place = np.array([int(np.searchsorted(time, at_s)) - 1])
+    around, at = np.arange(AROUND_JUMP), np.array([at_s])
+    before, slope, spread = _lines_at(time, marks, place[:, None] - around, at)
+    after, next_slope, next_spread = _lines_at(time, marks, place[:, None] + 1 + around, at)
+    (leap,), (speed,) = _middle(after - before), (_middle(slope) + _middle(next_slope)) / 2
+    fast, across = float(np.hypot(*speed)), abs(float(leap[0] * speed[1] - leap[1] * speed[0]))
+    least_mm = max(10 * float(max(spread[0], next_spread[0])), LEAST_JUMP_MM)
+    if fast < LEAST_SPEED_MM_S or across > least_mm * fast or leap @ speed <= 0:
+        return 0
+    return round(float(leap @ speed) / fast**2 / float(np.median(np.diff(time))))
+
+
 def _rounding_mm(marks_mm: Floats) -> float:
     """The unit to which coordinates (n, 4) are rounded: the least difference between two of them; nm do not count."""
     values = np.unique(np.round(marks_mm, 6))

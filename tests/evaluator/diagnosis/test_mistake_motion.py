@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.jump import _covers, jump
+from evaluator.diagnosis.mistakes.disturbances import disturbed_runs
+from evaluator.diagnosis.mistakes.jump import _covers, frames_ahead, jump
 from evaluator.diagnosis.mistakes.motion import (
     _carried,
     _missing_elsewhere,
@@ -19,6 +20,7 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
+from simulator.robot import load_robot
 from tests.evaluator.diagnosis.marks_of_motion import NOISE_MM, RATE, TIME, moving, onset_s, recorded
 
 
@@ -142,6 +144,22 @@ def test_a_light_knock_across_or_against_the_path_is_a_jump_though_lost_frames_m
         marks = run.marks_mm.copy()
         marks[100:] += size_mm * direction
         assert (jump(replace(run, marks_mm=marks)) is not None) == seen
+
+
+@pytest.mark.parametrize(("angle_deg", "frames"), [(0.0, 6), (30.0, 0), (180.0, 0)])
+def test_a_jump_ahead_is_as_far_as_so_many_frames(angle_deg: float, frames: int) -> None:
+    """A straight run whose recorder lost six frames was told to have a moved camera alone."""
+    run = recorded(moving(TIME, 2.0, 0.2), noise_mm=0.003)
+    step = (moving(TIME, 2.0, 0.2)[[98, 101]] @ np.tile(np.eye(2) / 2, (2, 1))).T @ [-1.0, 1.0]
+    ahead = 6 * 2.0 / RATE * (step[0] + 1j * step[1]) / np.hypot(*step) * np.exp(1j * np.radians(angle_deg))
+    marks = run.marks_mm.copy()
+    marks[100:] += np.tile([ahead.real, ahead.imag], 2)
+    jumping = replace(run, marks_mm=marks)
+    assert frames_ahead(jumping, 99.5 / RATE) == frames
+    (found,) = disturbed_runs([jumping], [load_robot("barrel")])
+    assert found.kind == ("wrong-rate" if frames else "camera-moved")
+    assert "pushed" in found.equivalent
+    assert ("as far as it drives in 6 frames" in found.seen) == bool(frames)
 
 
 def test_neither_lost_frames_nor_a_start_or_a_reversal_of_the_motors_are_a_jump() -> None:

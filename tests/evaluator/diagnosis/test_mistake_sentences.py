@@ -14,7 +14,7 @@ from evaluator.diagnosis.mistakes import outlying
 from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
-from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, misread_runs, reading_of
+from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, _worst_of_good, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
@@ -218,6 +218,24 @@ def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rat
     found = reading_of(run, [driven(1)], ROBOT)
     assert found is not None
     assert found.kind == "wrong-rate"
+
+
+def test_a_mistake_that_fits_worse_than_all_other_runs_is_the_nearest_and_corrects_nothing() -> None:
+    """A run whose file stated the command of no run was told to drive backward, and to change its signs."""
+    run = driven(0)
+    ways = [Alternative(None, run), Alternative("reversed", replace(run, left_rpm=-30.0), "drives the opposite way")]
+    item = Judgement(ways, np.array([1.4, 0.1]), 5.0, ())
+    for good_mm, fits in ((0.11, True), (0.09, False)):
+        found = _judged(item, set(), good_mm=good_mm)
+        assert found is not None
+        assert found.kind == "reversed"
+        assert (found.correction is not None) == fits
+        assert found.seen.startswith(
+            "drives the opposite" if fits else "contradicts its file, and no usual mistake fits"
+        )
+    good = [Judgement(ways[:1], np.array([value]), 5.0, ()) for value in (0.05, 0.07, np.nan)]
+    assert _worst_of_good([*good, item], [False] * 3 + [True]) == np.inf  # no majority
+    assert _worst_of_good(good, [False] * 3) == 0.07
 
 
 @pytest.mark.parametrize(("ratio", "said"), [(1.03, None), (1.05, 1.05), (0.95, 0.95)])

@@ -18,8 +18,8 @@ FRAMES = 80  # per run in a comparison, which suffice for a smooth path
 # Ratios of the frame rates of recordings: 24, 25, 30, 50, 60, 120, slow motion of 240, and fields instead of frames.
 RATES = (0.5, 2.0, 0.25, 4.0, 0.125, 8.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30 / 24, 24 / 30, 60 / 24, 24 / 60)
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
-# Factors of the speed of one side: a decimal point in a wrong place, a sign forgotten.
-MISTYPED = {0.1: "the decimal point", 10.0: "the decimal point", -1.0: "the sign"}
+# Factors of the speed of one side: a decimal point in a wrong place, a sign forgotten; or wheels that stand.
+MISTYPED = {0.1: "the decimal point", 10.0: "the decimal point", -1.0: "the sign", 0.0: "whether a motor is off"}
 RATE_TIMES = 5.0  # a start that a wrong rate moves is known to a fifth of that, which a late one meets once in a while
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))

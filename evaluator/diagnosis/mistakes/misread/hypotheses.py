@@ -96,7 +96,8 @@ def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
     odd = [item.share >= share for item, share in zip(judgements, least, strict=True)]
     within = misfits_within_tolerances(judgements, robots, odd)
     usual = _usual_kinds(judgements)
-    judged = map(_judged, judgements, [usual] * len(data), least, within)
+    good_mm = _worst_of_good(judgements, odd)
+    judged = map(_judged, judgements, [usual] * len(data), least, within, [good_mm] * len(data))
     found = [item for item in judged if item is not None]
     if same and not one_rate_fits(judgements):
         shown = {item.ways[0].run.id for item in judgements if any(w.own for w in item.ways if w.kind == "wrong-rate")}
@@ -247,10 +248,24 @@ def _usual_kinds(judgements: Sequence[Judgement]) -> set[Kind]:
     return {kind for kind, count in counts.items() if count > len(judgements) / 2}
 
 
+def _worst_of_good(judgements: Sequence[Judgement], odd: Sequence[bool]) -> float:
+    """Largest misfit, mm, of the runs that fit their files; infinite if they are no majority."""
+    good = [item.misfits_mm[0] for item, is_odd in zip(judgements, odd, strict=True) if not is_odd]
+    return float(np.nanmax(good)) if 2 * np.count_nonzero(np.isfinite(good)) > len(odd) else np.inf
+
+
 def _judged(
-    item: Judgement, usual: set[Kind], least_share: float = MISFIT_SHARE, misfits_mm: Floats | None = None
+    item: Judgement,
+    usual: set[Kind],
+    least_share: float = MISFIT_SHARE,
+    misfits_mm: Floats | None = None,
+    good_mm: float = np.inf,
 ) -> Found | None:
-    """The mistake that a run fits, if any; misfits_mm: to compare, by default those of the judgement."""
+    """The mistake that a run fits, if any; misfits_mm: to compare, by default those of the judgement.
+
+    good_mm: misfit of runs that fit their files. A mistake that fits several times better than the file, but worse than
+    these, is told as the nearest, and corrects nothing.
+    """
     ways, stated, misfits = item.ways, float(item.misfits_mm[0]), item.misfits_mm if misfits_mm is None else misfits_mm
     if any(way.kind == "wrong-unit" for way in ways) and not np.isfinite(stated):
         stated = np.inf  # thousands of rpm that no simulation follows
@@ -277,12 +292,16 @@ def _judged(
     kind = next(iter(supported), next(iter(near)))
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
-    seen = (
-        f"{words} (distance of simulated and measured marks: {stated:.2g} mm as stated in the file, {best:.2g} mm when "
-        "corrected)"
-    )
+    stated_mm = f"distance of simulated and measured marks: {stated:.2g} mm as stated in the file"
+    apart = f"{stated_mm}, {best:.2g} mm when corrected"
+    if best > good_mm:
+        seen = (
+            f"contradicts its file, and no usual mistake fits; the nearest: {words} ({apart}, at most {good_mm:.2g} mm"
+        )
+        remedy = "check what was commanded, and inspect the recording"
+        return Found(ways[0].run.id, kind, f"{seen} in the other runs)", remedy, others)
     remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
-    return Found(ways[0].run.id, kind, seen, remedy, others, correction_to(near[kind][1], ways[0]))
+    return Found(ways[0].run.id, kind, f"{words} ({apart})", remedy, others, correction_to(near[kind][1], ways[0]))
 
 
 REMEDIES: dict[Kind, str] = {
