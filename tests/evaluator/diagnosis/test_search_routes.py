@@ -83,20 +83,22 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
         assert [given[2] for given in done[-2:]] == [frozenset("b"), TILT]
     if not open_ground:
         assert [given[1:] for given in done[:4]] == [
-            (done[0][1], no_progress), ("named", "start", no_progress), (found.fit_search, {"a": None}),
+            (done[0][1], no_progress, ()), ("named", "start", no_progress), (found.fit_search, {"a": None}),
             (found.search, {"free:x": None}, no_progress),
         ]  # fmt: skip
 
 
-def test_runs_that_diverge_are_left_out_and_the_others_searched_anew(
+def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so_far(
     done: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, "none", open_ground=False)
     told = iter([[1], []])
     monkeypatch.setattr(module, "diverging_runs", lambda _: next(told))
+    monkeypatch.setattr(module, "seeds_without", lambda part, runs: (part, runs))
     session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
     found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [step for step, *_ in done] == ["search_named", *ON_PLATE]
+    assert [given[3] for given in done[:2]] == [(), ("named", [1])]  # begun with the fits of the search before
     assert found.session.robots == ("a", "c", "d")  # type: ignore[comparison-overlap]
     assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
     assert found.session.left_out == {"r1": DIVERGING}

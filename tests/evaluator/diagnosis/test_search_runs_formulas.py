@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -25,6 +26,17 @@ def fit_of(evidence: float, name: str = "", **terms: Any) -> Any:
     point = Point(np.zeros((2, 7)), {}, terms)
     posterior = SimpleNamespace(log_evidence=evidence)
     return SimpleNamespace(posterior=posterior, point=point, name=name, converged=True, excess=9.0)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A converged fit that `replace` can change."""
+
+    terms: frozenset[str]
+    point: Point
+    posterior: Any
+    excess: float
+    converged: bool = True
 
 
 def searching(fits: dict[str, float], **more: Any) -> Search:
@@ -243,6 +255,43 @@ def test_a_search_begins_with_seconds_where_recalibration_does_not_bring_the_mod
     assert search_runs.search_named(ready, no_progress).asked == frozenset("a")
     assert done == steps
     assert ran == [(near if len(misses) > 1 else start, start, ("short",) if all(misses) else ())]
+
+
+def test_a_search_with_seeds_takes_them_in_place_of_the_first_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And typical drift, because the null's is that of a misfit that the seeds explain."""
+    monkeypatch.setattr(search_runs, "fitted_runs", lambda _: (0,))
+    for misses in ([False], [True, True]):
+        said = iter(misses)
+        monkeypatch.setattr(search_runs, "is_large", lambda *_, said=said: next(said))
+        monkeypatch.setattr(search_runs, "recalibrated", lambda *_: Point(np.ones((2, 7))))
+        monkeypatch.setattr(search_runs, "replace", lambda item, **_: item)
+        monkeypatch.setattr(search_runs, "with_noise_of", lambda item, _: item)
+        seeds: list[Any] = []
+        monkeypatch.setattr(search_runs, "run_search", lambda *given, seeds=seeds: seeds.append(given[-1]))
+        start = Point(np.zeros((2, 7)))
+        ready: Any = SimpleNamespace(problem=searching({}).problem, start=start, named={}, tolerance={}, own=NONE)
+        search_runs.search_named(ready, no_progress, ["seed"])  # type: ignore[list-item]
+        assert seeds == [["seed"]]
+
+
+@pytest.mark.parametrize("explains", [False, True])
+def test_fits_of_a_search_that_explains_its_runs_go_on_without_some_of_them(explains: bool) -> None:
+    part = searching({"": -9.0, "a": -5.0, "ab": -1.0})
+    part.problem.data = (None, None, None)
+    for fit in part.fits.values():
+        fit.excess = 0.0 if explains else 9.0
+    made: Any = {
+        ids: Fitted(
+            frozenset(ids), Point(np.arange(21.0).reshape(3, 7), {}, fit.point.terms), fit.posterior, fit.excess
+        )
+        for ids, fit in part.fits.items()
+    }
+    part.fits.clear()
+    part.fits.update(made)
+    found = search_runs.seeds_without(part, [1])
+    assert [fit.terms for fit in found] == ([frozenset("ab"), frozenset("a")] if explains else [])
+    for fit in found:
+        np.testing.assert_array_equal(fit.point.per_run, per_run[[0, 2]])
 
 
 def test_a_robot_that_recalibration_makes_implausible_is_searched_by_seconds_too(
