@@ -6,7 +6,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -111,10 +111,11 @@ def print_json(table: pd.DataFrame) -> None:
     click.echo(json.dumps(records(table), indent=1))
 
 
-def name_of(row: Mapping[Hashable, Any]) -> str:
-    """The run of a row, with the number of its phase if it has several."""
+def name_of(row: Mapping[Hashable, Any], left_out: Collection[str] = ()) -> str:
+    """The run of a row, with the number of its phase if it has several; of one with a mistake, that it is left out."""
     phase = row.get("phase", math.nan)
-    return f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
+    name = f"{row['run']} ({phase:.0f})" if math.isfinite(phase) else str(row["run"])
+    return f"{name} (left out)" if row["run"] in left_out else name
 
 
 def named_after(mark: str, column: str) -> str:

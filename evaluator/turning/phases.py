@@ -25,6 +25,7 @@ STEADY_SHARE = 0.05
 MOVING_SHARE = 0.2
 # Scatter and slope at rest are below this many standard deviations (exceeded in 1 frame of 16,000).
 REST_SIGMA = 4.0
+BRIEF_S = 0.25  # a push lasts less, with the window of a local speed, and no run is analysed that moves so briefly
 # Required relative precision of a local speed: a fifth of the smallest change that matters.
 SLOPE_SHARE = STEADY_SHARE / 5
 
@@ -83,7 +84,7 @@ def find_phases(
     smooth = median_filter(scaled, size=(5, 1), mode="nearest")  # without single outliers
     rates = local_rates(time_s, smooth, sigma_mm, inside)
     speed = np.linalg.norm(rates.value, axis=1)
-    usual = _usual(speed[inside])
+    usual = _usual(speed[inside], rates.sigma, float(np.median(np.diff(time_s))))
     moving = (speed > max(MOVING_SHARE * usual, REST_SIGMA * rates.sigma)) & inside
     if usual < 2 * REST_SIGMA * rates.sigma or not moving.any():
         moving = inside  # too slow to distinguish phases from noise: the whole interval is used
@@ -121,7 +122,7 @@ def local_rates(
         value = _slopes(scaled, half) / _local_interval(time_s, half)
         # Variance of a slope over w equal steps: 12 sigma² / (w³ - w).
         sigma = sigma_mm * np.sqrt(12 / (width**3 - width)) / interval
-        usual = _usual(np.linalg.norm(value[inside], axis=1))
+        usual = _usual(np.linalg.norm(value[inside], axis=1), sigma, interval)
         if sigma <= share * usual or half >= longest:
             return Rates(value, sigma, half)
         half = min(max(int(half * min((sigma / (share * max(usual, sigma))) ** (2 / 3), 3)), half + 1), longest)
@@ -140,9 +141,15 @@ def _local_interval(time_s: Array, half: int) -> Array:
     return _slopes(time_s[:, None], half)
 
 
-def _usual(speed: Array) -> float:
-    """Typical speed while the robot moves, independent of the time that it rests."""
-    return float(np.median(speed[speed >= np.percentile(speed, 95) / 2]))
+def _usual(speed: Array, sigma: float, interval_s: float) -> float:
+    """Typical speed while the robot moves, independent of the time that it rests, and of a push.
+
+    sigma: of the speeds; interval_s: between two frames.
+    """
+    fast = speed >= np.percentile(speed, 95) / 2
+    slower = ~fast & (speed > REST_SIGMA * sigma)
+    pushed = np.count_nonzero(fast) * interval_s <= BRIEF_S and np.count_nonzero(slower) >= 3 * np.count_nonzero(fast)
+    return float(np.median(speed[slower if pushed else fast]))
 
 
 def _longest(flags: Flags, bridge: int) -> tuple[int, int]:

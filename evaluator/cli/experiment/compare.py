@@ -60,7 +60,7 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
         seen = radius(measured)
         nothing = "straight" if math.isfinite(row["left_rpm"]) and seen[0] != TOO_LITTLE else UNKNOWN
         known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
-        cells = [name_of(row), command, *seen, known, f"{row['gap_rms_mm']:.3f}"]
+        cells = [name_of(row, found.excluded_runs), command, *seen, known, f"{row['gap_rms_mm']:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)

@@ -56,7 +56,7 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
     for row in found.turning.to_dict("records"):
         if row["run"] not in found.faults:
             cells = [
-                name_of(row),
+                name_of(row, found.excluded_runs),
                 command_text(row["left_rpm"], row["right_rpm"]),
                 *radius(row),
                 number(row[named_after(only_mark(row), "speed_mm_s")], 3),

@@ -39,6 +39,7 @@ COMPARED = [
 def found() -> Any:
     """An analysis of two runs; a third one failed."""
     return SimpleNamespace(
+        excluded_runs=frozenset(),
         turning=pd.DataFrame(ROWS), comparison=pd.DataFrame(COMPARED), faults={"lost": "no marks"},
         notes={"a": ("dark",), "b": ("dark",)}, changed=(), outputs=Outputs(Path("out")),
     )  # fmt: skip
@@ -167,7 +168,8 @@ def test_a_radius_is_a_number_where_the_eye_sees_a_turn(
 
 def test_a_run_without_a_command_and_a_phase_have_their_signs_in_the_table(found: Any) -> None:
     assert name_of({"run": "a", "phase": 2.0}) == "a (2)"
-    assert name_of({"run": "a", "phase": nan}) == name_of({"run": "a"}) == "a"
+    assert name_of({"run": "a", "phase": nan}) == name_of({"run": "a"}) == name_of({"run": "a"}, {"b"}) == "a"
+    assert name_of({"run": "a", "phase": 2.0}, {"a"}) == "a (2) (left out)"
     found.comparison.loc[1, "left_rpm"] = nan
     assert comparison_text(found, verbose=False).splitlines()[2].split()[-2:] == ["–", "0.500"]
 

@@ -14,6 +14,7 @@ from evaluator.turning.phases import (
     _settled,
     _slopes,
     _steady,
+    _usual,
     find_phases,
     local_rates,
 )
@@ -227,3 +228,18 @@ def test_usual_speed_is_that_of_the_middle_half_between_start_and_stop() -> None
     speed = np.repeat([9.0, 6.0, 5.0, 7.0, 9.0], [10, 22, 24, 34, 10])
     assert _steady(rates_of(speed), 10, 89) == (32, 55)
     assert _steady(rates_of(speed[::-1]), 10, 89) == (44, 67)
+
+
+@pytest.mark.parametrize(("pushed", "expected"), [(6, 1.0), (14, 10.0)])
+def test_a_push_is_not_the_usual_speed_of_a_run(pushed: int, expected: float) -> None:
+    """A finger moved a robot by a millimetre in 80 ms: the push was its steady turn, at ten times its speed."""
+    speed = np.concatenate([np.zeros(30), np.full(40, 1.0), np.full(pushed, 10.0), np.full(20, 1.0)])
+    assert _usual(speed, SIGMA_MM, FRAME_S) == expected  # what lasts 0.28 s is no push
+    time, scaled = driven(speed)
+    phases = find_phases(time, noisy(scaled), SIGMA_MM)
+    if pushed == 6:
+        assert phases.steady_start_s < 30 * FRAME_S + 0.3
+        assert phases.steady_stop_s > time[-1] - 0.3
+    assert _usual(np.full(50, 10.0), SIGMA_MM, FRAME_S) == 10.0
+    brief = np.concatenate([np.zeros(90), np.full(10, 10.0)])  # at rest, but for a brief run
+    assert _usual(brief, SIGMA_MM, FRAME_S) == 10.0
