@@ -269,6 +269,7 @@ def _disturbance(run: RunData) -> Found | None:
         return Found(run.id, "stuck", seen, "inspect the recording: is the robot caught on something?")
     odd = (speed > PUSHED_SHARE * size) | (np.abs(motion.across - np.median(motion.across)) > 0.6 * size)
     odd |= np.abs(motion.yaw - turning) > 0.6 * max(abs(turning), size)
+    odd |= np.abs(motion.along - usual) > PUSHED_SHARE * size  # back against its wheels
     strange = unlike(motion)
     pushed = longest(odd & strange, motion)
     if pushed is not None and interrupts(pushed, odd, motion):

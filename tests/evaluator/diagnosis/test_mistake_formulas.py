@@ -51,6 +51,13 @@ def test_a_robot_is_pushed_that_slides_aside_at_three_fifths_of_its_speed(share:
     assert happens(recorded(along(1.5 * TIME, across=aside))) == (["pushed"] if pushed else [])
 
 
+@pytest.mark.parametrize(("speed", "pushed"), [(-0.8, False), (-1.05, True)])
+def test_a_robot_is_pushed_that_goes_back_against_its_wheels(speed: float, pushed: bool) -> None:
+    """For 0.6 s, not faster than it drives: at 1.5 mm/s forward, less than at 0.9 backward is a stop."""
+    found = happens(recorded(along(summed(np.where(between(1.5, 2.1), speed, 1.5)))))
+    assert ("pushed" in found) == pushed
+
+
 @pytest.mark.parametrize(("speed", "pushed"), [(2.2, False), (2.7, True)])
 def test_a_turn_on_the_spot_is_pushed_by_its_speed_half_a_mm_from_its_centre(speed: float, pushed: bool) -> None:
     yaw = 3.0 * TIME
