@@ -95,9 +95,12 @@ class Search:
         """A sentence about the most probable set so far, for a search that is stopped."""
         best = self.ranked()[0]
         what = " with ".join(sorted(best)) or "the model without an effect"
-        explains = "explains" if self.fits[best].excess < EXPLAINED else "does not explain"
-        left = f"its residuals are {self.fits[best].excess:.2g} times the mean square of the noise"
-        return f"of {len(self.fits)} fitted models the most probable is {what}, which {explains} the runs: {left}"
+        excess = self.fits[best].excess
+        left = f"its residuals are {excess:.2g} times the mean square of the noise"
+        found = f"of {len(self.fits)} fitted models the most probable is {what}"
+        if excess * EXPLAINED < 1:  # noise is taken from the residuals of a model, here of a wrong one
+            return f"{found}, but {left}, which an earlier misfit inflated, so that this decides nothing"
+        return f"{found}, which {'explains' if excess < EXPLAINED else 'does not explain'} the runs: {left}"
 
     def initial(self, most: int) -> list[Fit]:
         """The most probable fits of all sets, best first, as initial values: also fits that have not converged."""
