@@ -142,7 +142,8 @@ def _rivals(content: Json) -> Section | None:
         return None
     caption = (
         "The best other sets of effects. Behind: natural logarithm of the odds against it, with priors; 3 is odds of "
-        "20 to 1."
+        "20 to 1. An effect is named from odds of 3000 to 1 (8) on: a set that leads the answer by less, with a minus "
+        "sign here, decides nothing."
     )
     table = Table(caption, ("effects", "probability", "behind", "reason against it"), rows, words=True)
     return Section("diagnosis-rivals", "Alternatives", tables=(table,))
