@@ -180,8 +180,8 @@ def _missing_elsewhere(
     most = 0.0
     for begin in np.arange(between[0] + around, between[1] - around - length, length / 8):  # meets peaks of a ripple
         low, high = begin - around, begin + length + around
-        inside = (time >= low) & (time <= high)
-        if (high < stretch[0] or low > stretch[1]) and np.diff(time[inside]).max(initial=0.0) < SHORTEST_GAP_S:
+        inside = np.concatenate([[low], time[(time >= low) & (time <= high)], [high]])  # no gap at its ends either
+        if (high < stretch[0] or low > stretch[1]) and np.diff(inside).max() < SHORTEST_GAP_S:
             most = max(most, _missing_over(course, (begin, begin + length), between, arm_mm)[0])
     return most
 

@@ -89,6 +89,14 @@ def test_eight_frames_of_steady_motion_before_a_push_show_it(at_s: float, found:
     assert happens(replace(recorded(along(1.5 * TIME, across=aside)), stop_s=1.45)) == found
 
 
+def test_a_push_before_a_gap_is_no_ripple() -> None:
+    """The motion before the gap was the push itself, and what it would lead to after the gap counted as usual."""
+    share = np.clip((TIME - 1.2) / 0.3, 0.0, 1.0)
+    run = recorded(along(1.5 * TIME - 1.3 * share, 0.2 * share, 0.2 * share))
+    seen = (run.time_s < 1.48) | (run.time_s > 2.2)
+    assert happens(replace(run, time_s=run.time_s[seen], marks_mm=run.marks_mm[seen])) == ["pushed"]
+
+
 def test_a_brief_push_is_told_with_all_frames_of_the_windows_that_it_moves() -> None:
     """Pushed from 1.5 to 1.7 s: windows of 0.15 s, one every 0.075 s, whose middles are from 1.475 to 1.7 s."""
     aside = 0.6 * np.clip((TIME - 1.5) / 0.2, 0.0, 1.0)
