@@ -25,7 +25,7 @@ STEADY_SHARE = 0.05
 MOVING_SHARE = 0.2
 # Scatter and slope at rest are below this many standard deviations (exceeded in 1 frame of 16,000).
 REST_SIGMA = 4.0
-BRIEF_S = 0.25  # a push lasts less, with the window of a local speed, and no run is analysed that moves so briefly
+BRIEF_S = 0.5  # a push, or a hand that takes the robot away, with the window of a local speed
 # Required relative precision of a local speed: a fifth of the smallest change that matters.
 SLOPE_SHARE = STEADY_SHARE / 5
 

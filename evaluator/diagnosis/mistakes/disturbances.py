@@ -150,7 +150,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         found += [
             item
             for phase in moving
-            if (item := _disturbance(phase) or _carried_off(phase) or outruns_its_wheels(phase, robot_of[run.id]))
+            if (item := outruns_its_wheels(phase, robot_of[run.id]) or _disturbance(phase) or _carried_off(phase))
             is not None
         ][:1]
     return found

@@ -44,4 +44,8 @@ def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     seen = (
         f"moves by {moved[most]:.2g} mm from {begin:.2f} to {stop:.2f} s, while its wheels roll {rolled[most]:.2g} mm"
     )
-    return Found(run.id, "pushed", seen, "inspect the recording: was the robot pushed or pulled?", ("camera-moved",))
+    remedy = "inspect the recording: was the robot pushed or pulled?"
+    if time[-1] - time[later[outrun][-1]] < WINDOW_S:  # to the end
+        before_s = np.floor(100 * time[first[outrun][0]]) / 100
+        remedy = f"if a hand takes the robot away, give a time before as the end of the run (stop_s = {before_s:.2f})"
+    return Found(run.id, "pushed", seen, remedy, ("camera-moved",))

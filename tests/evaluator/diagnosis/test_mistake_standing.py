@@ -75,6 +75,15 @@ def test_a_robot_that_outruns_its_wheels_for_a_moment_is_pushed(speed: np.ndarra
     assert outruns_its_wheels(replace(driven(0, speed=speed), from_poses=True), ROBOT) is None
 
 
+def test_a_hand_that_takes_the_robot_away_is_told_with_the_time_at_which_the_run_should_end() -> None:
+    """The robot seemed to stand still for most of its run, as slow as it is beside a hand."""
+    taken = driven(0, speed=np.where(TIME > 2.6, 25.0, 0.9))
+    (found,) = disturbed_runs(session(taken), [ROBOT] * 8)
+    assert found.kind == "pushed"
+    stop_s = float(found.remedy.partition("stop_s = ")[2].rstrip(")"))
+    assert 2.4 < stop_s <= 2.6
+
+
 def test_a_push_is_told_with_the_way_and_what_the_wheels_roll_meanwhile() -> None:
     found = outruns_its_wheels(driven(0, speed=pushed(0.7, 0.08, 1.0)), ROBOT)
     assert found is not None

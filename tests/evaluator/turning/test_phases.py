@@ -230,11 +230,11 @@ def test_usual_speed_is_that_of_the_middle_half_between_start_and_stop() -> None
     assert _steady(rates_of(speed[::-1]), 10, 89) == (44, 67)
 
 
-@pytest.mark.parametrize(("pushed", "expected"), [(6, 1.0), (14, 10.0)])
+@pytest.mark.parametrize(("pushed", "expected"), [(6, 1.0), (20, 1.0), (30, 10.0)])
 def test_a_push_is_not_the_usual_speed_of_a_run(pushed: int, expected: float) -> None:
     """A finger moved a robot by a millimetre in 80 ms: the push was its steady turn, at ten times its speed."""
-    speed = np.concatenate([np.zeros(30), np.full(40, 1.0), np.full(pushed, 10.0), np.full(20, 1.0)])
-    assert _usual(speed, SIGMA_MM, FRAME_S) == expected  # what lasts 0.28 s is no push
+    speed = np.concatenate([np.zeros(30), np.full(70, 1.0), np.full(pushed, 10.0), np.full(30, 1.0)])
+    assert _usual(speed, SIGMA_MM, FRAME_S) == expected  # what lasts 0.6 s is no push
     time, scaled = driven(speed)
     phases = find_phases(time, noisy(scaled), SIGMA_MM)
     if pushed == 6:
