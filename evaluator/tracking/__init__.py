@@ -3,6 +3,7 @@
 from evaluator.tracking.corrections import correct, read_corrections
 from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
 from evaluator.tracking.plate_shift import WithPlate
+from evaluator.tracking.rolling_shutter import of_common_readouts
 from evaluator.tracking.settings import TrackingSettings, load_settings
 from evaluator.tracking.track import track
 
@@ -13,6 +14,7 @@ __all__ = [
     "correct",
     "load_settings",
     "of_another_size",
+    "of_common_readouts",
     "place_on_plate",
     "read_corrections",
     "track",

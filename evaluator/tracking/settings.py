@@ -78,7 +78,8 @@ class TrackingSettings(Table):
     distance_diameters: distance of the two marks of a body over their diameter, used to choose between candidates in
     the first frame (3.66 on the paper's robot). exposure: share of the frame interval for which the shutter is open; by
     default learnt from fast marks. readout_ms: of a rolling shutter, from the exposure of the first row of a frame to
-    that of the last; marks are then placed where they were when the middle row was exposed.
+    that of the last; marks are then placed where they were when the middle row was exposed. 0 says that the
+    shutter is a global one, which is assumed, with a note for fast marks, where nothing is said.
     """
 
     format: Literal[1] = 1
@@ -113,6 +114,11 @@ class TrackingSettings(Table):
         """Marks that are known to sit on one body."""
         said = DEFAULT_MARKS if self.body is None else self.body
         return tuple(name for name in said if name in self.mark) if set(said) <= set(self.mark) else ()
+
+    @property
+    def shutter_stated(self) -> bool:
+        """Whether readout_ms is given, be it 0 for a global shutter."""
+        return "readout_ms" in self.model_fields_set
 
     @property
     def pair(self) -> tuple[str, ...]:

@@ -116,7 +116,7 @@ def analyze(
     write_provenance(outputs.provenance, path, text, inputs, changed, command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
     mistakes = without_explained(mistakes_of_marks(described, marks), described, outputs)
-    notes = with_sentences({run.id: found for run in described.run if (found := results[run.id].notes)}, mistakes)
+    notes = with_sentences(_notes(described, results), mistakes)
     reused = sum(result.reused for result in results.values())
     empty = turning.iloc[:0]
     measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes, changed)
@@ -162,6 +162,16 @@ def _faults(experiment: Experiment, results: dict[str, RunResult]) -> dict[str, 
     if len(faults) == len(experiment.run):
         raise InputError(_nothing_left(faults))
     return faults
+
+
+def _notes(experiment: Experiment, results: dict[str, RunResult]) -> dict[str, tuple[str, ...]]:
+    """Notes on the recordings by run id. What concerns the camera is said once, of the run where it matters most."""
+    notes = {run.id: found for run in experiment.run if (found := results[run.id].notes)}
+    readouts = [(*readout, run.id) for run in experiment.run if (readout := results[run.id].readout)]
+    if readouts:
+        _, note, run = max(readouts)
+        notes[run] = (*notes.get(run, ()), note)
+    return {run.id: notes[run.id] for run in experiment.run if run.id in notes}
 
 
 def _turning(experiment: Experiment, results: dict[str, RunResult], faults: dict[str, str]) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from evaluator.tracking import (
     WithPlate,
     correct,
     load_settings,
+    of_common_readouts,
     place_on_plate,
     read_corrections,
     track,
@@ -125,5 +126,6 @@ def track_recording(
         marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)
     if output is not None:
         write_marks(marks, Path(output))
-    notes = (*recording.report().notes, *([moved.note] if moved else []))
+    readout = None if wanted.shutter_stated else of_common_readouts(marks, wanted.mark, recording.size_px[1])
+    notes = (*recording.report().notes, *([moved.note] if moved else []), *([readout.note] if readout else []))
     return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)

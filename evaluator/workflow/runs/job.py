@@ -128,7 +128,10 @@ def jobs_of(experiment: Experiment, outputs: Outputs, *, simulate: bool) -> list
 
 @dataclass(frozen=True)
 class RunResult:
-    """Result of one run: rows for the tables, one for each phase, or the reason why there are none."""
+    """Result of one run: rows for the tables, one for each phase, or the reason why there are none.
+
+    readout: of a shutter that is not stated, what it would do, over the uncertainty of the marks and as a note.
+    """
 
     run: str
     turning: tuple[dict[str, Any], ...] = ()
@@ -136,6 +139,7 @@ class RunResult:
     notes: tuple[str, ...] = ()  # peculiarities of the recording
     fault: str | None = None
     reused: bool = False  # from the cache
+    readout: tuple[float, str] | None = None
 
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
@@ -143,7 +147,8 @@ class RunResult:
         rows, simulated = (tuple(values.get(stage, {}).get("rows", ())) for stage in ("turn", "simulate"))
         scatter = values.get("turn", {}).get("spacing_scatter", (0.0, 0.0))
         notes = (*_notes(job.run, values["track"], rows[0] if rows else {}), *_spacing_notes(*scatter))
-        return RunResult(job.run.id, rows, simulated, notes, reused=reused)
+        readout = tuple(values["track"].get("readout", ())) or None
+        return RunResult(job.run.id, rows, simulated, notes, reused=reused, readout=readout)
 
 
 def _of_a_rise(hidden_s: float) -> str:

@@ -28,7 +28,16 @@ from evaluator.pose import Poses, poses_from_marks
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import TimingReport, open_recording
 from evaluator.robot_geometry import RobotGeometry, robot_shape, sought
-from evaluator.tracking import AsCalibrated, WithPlate, correct, load_settings, place_on_plate, read_corrections, track
+from evaluator.tracking import (
+    AsCalibrated,
+    WithPlate,
+    correct,
+    load_settings,
+    of_common_readouts,
+    place_on_plate,
+    read_corrections,
+    track,
+)
 from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
@@ -139,10 +148,13 @@ class _Stages:
         report = recording.report()
         _refuse_cut(recording, report, self.run.video)
         _refuse_unseen(table, [mark.name for mark in self.job.robot.layout], self.run.video)
-        write_marks(place_on_plate(table, self.camera, self._height_mm()), path)
+        table = place_on_plate(table, self.camera, self._height_mm())
+        readout = None if settings.shutter_stated else of_common_readouts(table, settings.mark, self.camera.size_px[1])
+        write_marks(table, path)
         write_text(thumbnails, recording.to_json())
         return [path, thumbnails], {
             "notes": [*report.notes, *of_plate, *by_hand],
+            "readout": [readout.over_stated, readout.note] if readout else [],
             "last_s": float(report.last or 0),
         }
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
+import pytest
 
-from evaluator.tracking.rolling_shutter import RollingShutter, place_at_frame_time
+from evaluator.tracking.rolling_shutter import RollingShutter, of_common_readouts, place_at_frame_time
+from evaluator.tracking.settings import TrackingSettings
 
 Array = np.ndarray
 SHUTTER = RollingShutter(readout_s=0.02, height_px=481)
@@ -63,3 +66,46 @@ def test_without_a_rolling_shutter_nothing_moves() -> None:
     values = marks(as_recorded())
     place_at_frame_time(TIMES, {"green": values}, None)
     np.testing.assert_array_equal(values, marks(as_recorded()))
+
+
+def table(times_as_fast: float = 1.0, sigma: float = 0.05, unit: str = "px", px_per_unit: float = 1.0) -> pd.DataFrame:
+    """One mark on its circle, as `track` or `place_on_plate` tells it."""
+    places = on_circle(times_as_fast * TIMES)
+    columns = {"time_s": TIMES, "green_x_px": places[:, 0], "green_y_px": places[:, 1]}
+    columns |= {f"green_{axis}_sigma_{unit}": np.full(len(TIMES), sigma) for axis in "xy"}
+    columns |= {f"green_{axis}_{unit}": places[:, k] / px_per_unit for k, axis in enumerate("xy")}
+    return pd.DataFrame(columns)
+
+
+def test_what_common_readouts_would_do_is_what_a_rolling_shutter_does() -> None:
+    seen = table()
+    found = of_common_readouts(seen, ["green"], SHUTTER.height_px)
+    assert found is not None
+    apart = np.hypot(*(as_recorded() - on_circle(TIMES)).T)[3:-3]
+    assert 1e3 * SHUTTER.readout_s * found.shift == pytest.approx(np.sqrt((apart**2).mean()), rel=0.03)
+    assert found.over_stated == pytest.approx(10 * found.shift / 0.05)
+    assert f"by {10 * found.shift:.2g} to {30 * found.shift:.2g} px (RMS)" in found.note
+    assert "readout_ms" in found.note
+
+
+def test_on_the_plate_the_shift_is_told_in_micrometres() -> None:
+    px, mm = (
+        of_common_readouts(table(**given), ["green"], 481)
+        for given in ({}, {"unit": "mm", "px_per_unit": 12.0, "sigma": 0.004})
+    )
+    assert px is not None
+    assert mm is not None
+    assert mm.shift == pytest.approx(px.shift / 12.0 * 1e3)
+    assert " µm (RMS)" in mm.note
+
+
+def test_slow_marks_unsure_marks_and_marks_that_are_never_seen_need_no_shutter() -> None:
+    assert of_common_readouts(table(0.1), ["green"], 481) is None
+    assert of_common_readouts(table(sigma=0.5), ["green"], 481) is None
+    assert of_common_readouts(table(sigma=np.nan), ["green"], 481) is None
+    assert of_common_readouts(table().head(4), ["green"], 481) is None
+
+
+@pytest.mark.parametrize(("said", "stated"), [({}, False), ({"readout_ms": 0.0}, True), ({"readout_ms": 16.0}, True)])
+def test_a_readout_of_zero_states_a_global_shutter(said: dict[str, float], stated: bool) -> None:
+    assert TrackingSettings(**said).shutter_stated == stated

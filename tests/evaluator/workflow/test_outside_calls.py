@@ -14,6 +14,7 @@ import pytest
 from calibration.assignment import array_in_image
 from evaluator.errors import InputError
 from evaluator.recording.layout import Layout
+from evaluator.tracking import TrackingSettings
 from evaluator.tracking.observation import UNLIKE
 from evaluator.workflow import rendering, tracking
 from evaluator.workflow.frames import decoder, live
@@ -186,6 +187,8 @@ def test_a_run_of_the_laboratory_has_its_effect_its_scatter_and_its_noise(monkey
         ({}, None),
         ({"green": 0}, None),  # the other one is enough
         ({"moved": SimpleNamespace(note="the plate moves")}, None),
+        ({"readout": SimpleNamespace(note="the shutter is not stated")}, None),
+        ({"readout": SimpleNamespace(note="the shutter is not stated"), "stated": True}, None),
         ({"green": 0, "yellow": 0}, "state color, diameter_px and region_px in a tracking.toml"),
         ({"green": 0, "yellow": 0, "why": UNLIKE}, "objects of their colours never move"),
         ({"green": 0, "yellow": 0, "grey": True}, "the recording has no colour"),
@@ -204,6 +207,7 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
 
     class Video(list[Any]):
         live = seen.get("live", False)
+        size_px = 640, 480
 
         def report(self) -> Any:
             return SimpleNamespace(notes=["a note"])
@@ -215,7 +219,9 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
         tracking, "WithPlate", lambda frames: SimpleNamespace(read=frames, found=lambda *_: seen.get("moved"))
     )
     monkeypatch.setattr(tracking, "track", lambda frames, *_: tracked_in.append(frames.read) or marks)
-    monkeypatch.setattr(tracking, "read_with", lambda *_: "camera")
+    monkeypatch.setattr(tracking, "of_common_readouts", lambda *told: seen.get("readout") if told[-1] == 480 else None)
+    stated = TrackingSettings(readout_ms=0.0)
+    monkeypatch.setattr(tracking, "read_with", lambda load, _: stated if load is tracking.load_settings else "camera")
     monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: "undistorted")
     monkeypatch.setattr(
         tracking, "place_on_plate", lambda table, camera, height: placed.append((camera, height)) or table
@@ -224,6 +230,7 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     now = SimpleNamespace(changed=lambda: seen.get("changed", False))
     monkeypatch.setattr(tracking, "AsFound", SimpleNamespace(of=lambda _: now))
     options: Any = {"camera": Path("camera.json"), "output": "b.csv"} if seen else {}
+    options |= {"settings": Path("tracking.toml")} if seen.get("stated") else {}
 
     def tracked() -> Any:
         return tracking.track_recording("a.mp4", looked_at=lambda *told: looked.append(len(told)), **options)
@@ -238,8 +245,8 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     found = tracked()
     assert found.shares == {"green": 0.25 * seen.get("green", 1), "yellow": 0.25}
     assert repr(found) == f"Tracked(4 frames, green in {found.shares['green']:.1%}, yellow in 25.0%)"
-    notes = ("a note", "the plate moves") if "moved" in seen else ("a note",)
-    assert (found.notes, found.names, looked) == (notes, ("green", "yellow"), [3])
+    told = [seen[one].note for one in ("moved", "readout") if one in seen and not seen.get("stated")]
+    assert (found.notes, found.names, looked) == (("a note", *told), ("green", "yellow"), [3])
     assert tracked_in == ["undistorted" if options else video]
     assert written == [(4, Path("b.csv"))] * bool(options)
     assert [camera for camera, _ in placed] == ["camera"] * bool(options)
