@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a g
 # The largest of about ten values along a rippled run is nearly the largest that occurs: twice as much is no ripple.
 UNSTEADY_TIMES = 2.0
 REST_S = 0.08  # beginning of a recording in which the robot is assumed at rest, unless it moves
+RESTS_S = 0.1  # shortest rest between hand and motors: nobody releases the robot and switches on faster
+CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: hands carry a robot farther
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,41 @@ def onset(run: RunData) -> Onset | None:
     The way is the arc over its distance, according to the turn of the robot: by its chords, a pivot would seem to slow
     down, and to have begun earlier. None without visible rest before it, or without motion. A lag of the motors delays
     it by its time constant.
+
+    What comes to rest again before start_s within less than a hand carries a robot was no start: the coarse first image
+    of a strongly compressed recording becomes finer, or something touches the robot.
     """
+    found = _onset(run)
+    before = (run.time_s >= run.start_s - RESTS_S) & (run.time_s < run.start_s)
+    began_s = float(run.time_s[0]) if found is None else found.time_s
+    if began_s >= run.start_s - RESTS_S or not _rests_near_its_first_place(run, before, began_s):
+        return found
+    later = slice(int(np.argmax(before)), len(run.time_s))
+    return _onset(replace(run, time_s=run.time_s[later], marks_mm=run.marks_mm[later]))
+
+
+def _rests_near_its_first_place(run: RunData, frames: NDArray[np.bool_], began_s: float) -> bool:
+    """Whether a run is at rest in some frames (n,), and no farther from its first ones than by a touch.
+
+    began_s: time at which it seems to leave its first place; at rest it is slower than half its mean speed since then.
+    """
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    marks, first = run.marks_mm[frames & seen], np.median(run.marks_mm[seen][:FEWEST_AT_REST], axis=0)
+    if len(marks) < 2 * FEWEST_AT_REST:
+        return False
+    half = len(marks) // 2
+    place, early, late = (np.median(some, axis=0) for some in (marks, marks[:half], marks[half:]))
+    time_s = run.time_s[frames & seen]
+    lapse_s = float(time_s[half:].mean() - time_s[:half].mean())
+    off, moved, further = (
+        np.hypot(x[..., ::2], x[..., 1::2]).max() for x in (marks - place, place - first, late - early)
+    )
+    slower = further / lapse_s < moved / (run.start_s - began_s) / 2
+    return bool(off < ONSET_LEAST_MM and moved < CARRIED_SHARE * 2 * arm_mm(run) and slower)
+
+
+def _onset(run: RunData) -> Onset | None:
+    """Time at which motion begins after the rest of the first frames."""
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
     rest = max(FEWEST_AT_REST, int(np.searchsorted(time, time[0] + REST_S)))

@@ -10,13 +10,18 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.jump import jump
-from evaluator.diagnosis.mistakes.motion import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, arm_mm
+from evaluator.diagnosis.mistakes.motion import (
+    CARRIED_SHARE,
+    MOVING_FRAMES,
+    ONSET_LEAST_MM,
+    ONSET_SIGMAS,
+    RESTS_S,
+    arm_mm,
+)
 from evaluator.robust import PER_MEDIAN
 
-RESTS_S = 0.1  # shortest rest between hand and motors: nobody releases the robot and switches on faster
 # Starts are known more accurately than the first (late_start.LATE_S), and motors run down within the second.
 BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
-CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: hands carry a robot farther
 
 
 def between_hands(run: RunData) -> slice:
