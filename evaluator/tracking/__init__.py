@@ -1,5 +1,6 @@
 """Frames → sub-pixel centres of marks with their uncertainty."""
 
+from evaluator.tracking.before_start import motion_at_rest
 from evaluator.tracking.corrections import correct, read_corrections
 from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
 from evaluator.tracking.plate_shift import WithPlate
@@ -13,6 +14,7 @@ __all__ = [
     "WithPlate",
     "correct",
     "load_settings",
+    "motion_at_rest",
     "of_another_size",
     "of_common_readouts",
     "place_on_plate",

@@ -57,7 +57,7 @@ class UnstatedReadout:
         return (
             "whether the camera has a rolling shutter is not stated: one that reads a frame in "
             f"{COMMON_MS[0]:g} to {COMMON_MS[1]:g} ms, as those of phones and most webcams do, shifts the marks along "
-            f"their paths by {low} to {high} {self.unit} (RMS), from {self.over_stated:.0f} times their stated "
+            f"their paths by {low} to {high} {self.unit} (RMS), at least {self.over_stated:.0f} times their stated "
             "uncertainty, and turns the heading; state readout_ms in tracking.toml, 0 for a global shutter"
         )
 

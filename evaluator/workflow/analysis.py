@@ -116,7 +116,7 @@ def analyze(
     write_provenance(outputs.provenance, path, text, inputs, changed, command_line)
     marks = {run.id: outputs.marks(run.id) for run in described.run if run.id not in faults}
     mistakes = without_explained(mistakes_of_marks(described, marks), described, outputs)
-    notes = with_sentences(_notes(described, results), mistakes)
+    notes = with_sentences(_notes(described, results, mistakes), mistakes)
     reused = sum(result.reused for result in results.values())
     empty = turning.iloc[:0]
     measured = Analysis(described, outputs, turning, empty, empty, comparison, faults, notes, reused, mistakes, changed)
@@ -164,9 +164,19 @@ def _faults(experiment: Experiment, results: dict[str, RunResult]) -> dict[str, 
     return faults
 
 
-def _notes(experiment: Experiment, results: dict[str, RunResult]) -> dict[str, tuple[str, ...]]:
-    """Notes on the recordings by run id. What concerns the camera is said once, of the run where it matters most."""
-    notes = {run.id: found for run in experiment.run if (found := results[run.id].notes)}
+def _notes(
+    experiment: Experiment, results: dict[str, RunResult], mistakes: Sequence[Mistake]
+) -> dict[str, tuple[str, ...]]:
+    """Notes on the recordings by run id, but of motion before the start only where no mistake explains it.
+
+    What concerns the camera of all runs is said once, of the run where it matters most.
+    """
+    explained = {run for item in mistakes for run in item.runs}
+    notes = {
+        run.id: found
+        for run in experiment.run
+        if (found := (*results[run.id].notes, *(() if run.id in explained else results[run.id].at_rest)))
+    }
     readouts = [(*readout, run.id) for run in experiment.run if (readout := results[run.id].readout)]
     if readouts:
         _, note, run = max(readouts)

@@ -131,6 +131,7 @@ class RunResult:
     """Result of one run: rows for the tables, one for each phase, or the reason why there are none.
 
     readout: of a shutter that is not stated, what it would do, over the uncertainty of the marks and as a note.
+    at_rest: notes on motion before the start, where no motion of the plate is noted.
     """
 
     run: str
@@ -140,6 +141,7 @@ class RunResult:
     fault: str | None = None
     reused: bool = False  # from the cache
     readout: tuple[float, str] | None = None
+    at_rest: tuple[str, ...] = ()
 
     @staticmethod
     def of(job: Job, values: dict[str, dict[str, Any]], *, reused: bool) -> RunResult:
@@ -148,7 +150,8 @@ class RunResult:
         scatter = values.get("turn", {}).get("spacing_scatter", (0.0, 0.0))
         notes = (*_notes(job.run, values["track"], rows[0] if rows else {}), *_spacing_notes(*scatter))
         readout = tuple(values["track"].get("readout", ())) or None
-        return RunResult(job.run.id, rows, simulated, notes, reused=reused, readout=readout)
+        at_rest = () if values["track"].get("plate_moves") else tuple(values.get("turn", {}).get("at_rest", ()))
+        return RunResult(job.run.id, rows, simulated, notes, reused=reused, readout=readout, at_rest=at_rest)
 
 
 def _of_a_rise(hidden_s: float) -> str:

@@ -33,6 +33,7 @@ from evaluator.tracking import (
     WithPlate,
     correct,
     load_settings,
+    motion_at_rest,
     of_common_readouts,
     place_on_plate,
     read_corrections,
@@ -102,11 +103,14 @@ class _Stages:
         return camera
 
     @cached_property
+    def marks(self) -> pd.DataFrame:
+        return read_marks(self.out.marks(self.run.id))
+
+    @cached_property
     def poses(self) -> Poses:
-        marks = read_marks(self.out.marks(self.run.id))
         if self.run.poses is not None:
-            return poses_of(marks)
-        return poses_from_marks(marks, MarkGeometry.of_robot(self.job.robot), camera=self.camera)
+            return poses_of(self.marks)
+        return poses_from_marks(self.marks, MarkGeometry.of_robot(self.job.robot), camera=self.camera)
 
     @cached_property
     def run_command(self) -> RunCommand:
@@ -154,6 +158,7 @@ class _Stages:
         write_text(thumbnails, recording.to_json())
         return [path, thumbnails], {
             "notes": [*report.notes, *of_plate, *by_hand],
+            "plate_moves": bool(moved),
             "readout": [readout.over_stated, readout.note] if readout else [],
             "last_s": float(report.last or 0),
         }
@@ -170,7 +175,15 @@ class _Stages:
         path = self.out.poses(self.run.id)
         write_table(pose_table(self.poses), path)
         rows = rows_of(self.phases, self.poses, robot_shape(self.job.robot))
-        return [path], {"rows": rows, "spacing_scatter": self.poses.spacing_scatter()}
+        return [path], {"rows": rows, "spacing_scatter": self.poses.spacing_scatter(), "at_rest": self._at_rest()}
+
+    def _at_rest(self) -> list[str]:
+        """Note on a recording whose image moves before the motors start."""
+        start_s = self.run_command.start_s if self.run_command.starts_at_rest else None
+        if self.run.video is None or start_s is None:
+            return []
+        found = motion_at_rest(self.marks, [mark.name for mark in self.job.robot.layout], start_s)
+        return [found.note] if found else []
 
     def _simulate(self) -> tuple[list[Path], dict[str, Any]]:
         assert isinstance(self.job.robot, Robot)  # jobs with simulation have a complete robot

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from evaluator.files import named_from
 from evaluator.interchange.bags import Topics
 from evaluator.interchange.tracks import Tracks
 from evaluator.settings import Run
+from evaluator.workflow import analysis
 from evaluator.workflow.results import provenance
 from evaluator.workflow.results.validity import Record, file_hash
 from evaluator.workflow.runs import job as jobs
@@ -145,6 +147,27 @@ def test_a_record_keeps_what_was_computed_until_its_key_or_a_file_changes(tmp_pa
     for text in ("{", "[1]", '{"track": 3}'):
         record.path.write_text(text, encoding="utf-8")
         assert Record.load(record.path).fresh("track", "k") is None
+
+
+@pytest.mark.parametrize(("moves", "said"), [(False, ("the marks move",)), (True, ()), (None, ("the marks move",))])
+def test_motion_before_the_start_is_not_told_twice(moves: bool | None, said: tuple[str, ...], base: Job) -> None:
+    tracked = {} if moves is None else {"plate_moves": moves, "readout": [4.0, "which shutter?"]}
+    found = RunResult.of(base, {"track": tracked, "turn": {"at_rest": ["the marks move"]}}, reused=False)
+    assert found.at_rest == said
+    assert found.readout == (None if moves is None else (4.0, "which shutter?"))
+
+
+def test_a_camera_is_asked_about_once_and_motion_that_a_mistake_explains_is_not_told_again() -> None:
+    runs = [SimpleNamespace(id=name) for name in "abcd"]
+    results = {
+        "a": RunResult("a", notes=("dark",), readout=(3.0, "3 times"), at_rest=("moves",)),
+        "b": RunResult("b", readout=(5.0, "5 times"), at_rest=("moves",)),
+        "c": RunResult("c", readout=(4.0, "4 times")),
+        "d": RunResult("d"),
+    }
+    mistakes: list[Any] = [SimpleNamespace(runs=("a",))]
+    said = analysis._notes(SimpleNamespace(run=runs), results, mistakes)  # type: ignore[arg-type]
+    assert said == {"a": ("dark",), "b": ("moves", "5 times")}
 
 
 def test_a_folder_has_the_hash_of_its_names_and_contents(tmp_path: Path) -> None:

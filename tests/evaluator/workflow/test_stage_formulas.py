@@ -244,3 +244,28 @@ def test_a_wheelbase_is_that_of_wheels_that_grip_or_the_track_of_one_axle() -> N
     both = evaluate.circular_test_table(evaluate.CircularResult(SimpleNamespace(points=points), simulated))  # type: ignore[arg-type]
     assert both["simulated_speed_mm_s"].tolist() == [1.0, 2.0]
     assert evaluate.circular_test_table(evaluate.CircularResult(None, simulated)) is simulated.points
+
+
+@pytest.mark.parametrize(
+    ("run", "start_s", "told"),
+    [
+        ({}, 0.5, ["note of green at 0.5"]),
+        ({"video": None}, 0.5, []),
+        ({"starts_at_rest": False}, 0.5, []),
+        ({}, 9.0, []),
+    ],
+)
+def test_motion_at_rest_is_sought_in_videos_that_begin_before_their_start(
+    run: dict[str, Any], start_s: float, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def found(_: Any, names: list[str], at_s: float) -> Any:
+        return SimpleNamespace(note=f"note of {names[0]} at {at_s:g}") if at_s < 1.0 else None
+
+    monkeypatch.setattr(stages, "motion_at_rest", found)
+    one: Any = SimpleNamespace(
+        run_command=SimpleNamespace(start_s=start_s, starts_at_rest=run.get("starts_at_rest", True)),
+        run=SimpleNamespace(video=run.get("video", "a.mp4")),
+        marks=None,
+        job=SimpleNamespace(robot=SimpleNamespace(layout=[SimpleNamespace(name="green")])),
+    )
+    assert stages._Stages._at_rest(one) == told
