@@ -34,6 +34,10 @@ TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance bes
 # What to do if the images do not determine the camera, the gauge is stretched, or the height correction is uncertain.
 ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
 STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
+FOCAL_STEP = (
+    "lock focus and zoom, use the images as the camera wrote them, neither turned nor cropped, and take them again, all"
+    " at the focus of the recordings"
+)
 HEIGHT_STEP = (
     f"for the height correction, add images with the gauge {TILTED}, or lay the gauge on a spacer as high as the marks "
     "(dots.height_mm), or measure the distance of the lens (--distance-mm VALUE SIGMA)"
@@ -70,7 +74,10 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if misfit := _misfit(calibration):
         reasons += misfit
         steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
-    if printed := _stretched(calibration):
+    if changed := _focal_lengths(calibration):
+        reasons.append(changed)
+        steps.append(FOCAL_STEP)
+    elif printed := _stretched(calibration):
         (reasons if abs(calibration.excess) / 2 > calibration.stated.scale_sigma else notes).append(printed)
         steps.append(STRETCHED_STEP)
     if wrong := _wrong_size(calibration):
@@ -194,6 +201,21 @@ def _wrong_size(calibration: Calibration) -> list[str]:
         "diameter_mm is wrong; a wrong pitch makes every length wrong"
     )
     return [sentence]
+
+
+def _focal_lengths(calibration: Calibration) -> str:
+    """Sentence about images of different focal lengths; empty if they have one."""
+    found = calibration.focal_difference
+    if found == 0.0:
+        return ""
+    sentence = (
+        "the images contradict one lens; focal lengths that differ between them by about "
+        f"{100 * found:.1g} % explain it better: the focus or the zoom changed, or a program turned or cropped an image"
+    )
+    if calibration.excess == 0.0:
+        return sentence
+    half = 50 * abs(calibration.excess)
+    return f"{sentence}; the gauge then seems stretched one way, and lengths are uncertain by {half:.2g} %"
 
 
 def _stretched(calibration: Calibration) -> str:

@@ -30,6 +30,7 @@ from calibration.estimation.flatness import (
     flatness_of,
     rest_covariance,
 )
+from calibration.estimation.focal_of_images import focal_difference
 from calibration.estimation.gauge_as_printed import FOREIGN_PITCH, as_printed, stretch
 from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance
 from calibration.estimation.initial_values import rough_prior
@@ -81,6 +82,11 @@ class Calibration:
     def excess_sigma(self) -> float:
         """Standard uncertainty of the excess."""
         return stretch(list(self.views), self.fit, self.gauge)[1]
+
+    @property
+    def focal_difference(self) -> float:
+        """Clearest relative difference of the focal lengths of two images; 0 if they have one."""
+        return focal_difference(self.views, self.fit)
 
     @property
     def rms_px(self) -> float:

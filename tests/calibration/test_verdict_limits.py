@@ -57,6 +57,7 @@ def calibration(camera: Camera = CAMERA, **said: Any) -> Any:
         "gauge": gauge_of(),
         "stated": gauge_of(),
         "excess": 0.0,
+        "focal_difference": 0.0,
         "excess_sigma": 1e-4,
         "sightings": (dots,) * 5,
         "views": (whole,) * 5,

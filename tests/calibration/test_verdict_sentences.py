@@ -10,7 +10,7 @@ import pytest
 
 from calibration.assessment.camera_check import Check
 from calibration.assessment.next_image import Advice, NextImage, image_notes
-from calibration.assessment.quality import _flatness_notes, _misfit, _stretched, _wrong_size, assess
+from calibration.assessment.quality import _flatness_notes, _focal_lengths, _misfit, _stretched, _wrong_size, assess
 from calibration.errors import CalibrationError
 from tests.calibration.test_verdict_limits import CAMERA, calibration, known
 
@@ -49,6 +49,19 @@ def test_a_stretched_gauge_is_told_with_both_pitches_that_it_may_have(excess: fl
     assert "0.2 % (± 0.02 %) " + said in sentence
     assert sentence.endswith("lengths are uncertain by 0.1 %")
     assert _stretched(calibration()) == ""
+
+
+@pytest.mark.parametrize(("excess", "end"), [(0.0, "cropped an image"), (-0.002, "lengths are uncertain by 0.1 %")])
+def test_images_of_different_focal_lengths_are_told_instead_of_a_stretched_gauge(excess: float, end: str) -> None:
+    changed = calibration(known(focal_px=0.1), excess=excess, focal_difference=0.0131)
+    sentence = _focal_lengths(changed)
+    assert "differ between them by about 1 % explain it better" in sentence
+    assert sentence.endswith(end)
+    verdict = assess(changed)
+    assert (verdict.level, verdict.reasons) == ("limited", (sentence,))
+    assert len(verdict.next_steps) == 1
+    assert verdict.next_steps[0].startswith("lock focus and zoom")
+    assert _focal_lengths(calibration(excess=excess)) == ""
 
 
 def test_numbers_of_a_misfit_and_of_a_wrong_size_are_those_of_the_images() -> None:
