@@ -125,12 +125,11 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     since = {id(phase): _stands_since(phase, robot) for phase, robot in phases}
     standing = {phase for phase, begins in since.items() if begins is not None}
     counts = Counter((unsigned_rpm(phase.left_rpm, phase.right_rpm), id(phase) in standing) for phase, _ in phases)
-    robot_of = {run.id: robot for run, robot in zip(data, robots, strict=True)}
     of_run: dict[str, list[RunData]] = {}
     for phase, _ in phases:
         of_run.setdefault(phase.id, []).append(phase)
     found = []
-    for run in data:
+    for run, robot in zip(data, robots, strict=True):
         mine = of_run.get(run.id, [])
         wrongly = [phase for phase in mine if id(phase) in standing and not _others_stand_too(phase, counts)]
         if wrongly:
@@ -147,12 +146,9 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             found.append(_jumping(run, *moved))
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
-        found += [
-            item
-            for phase in moving
-            if (item := outruns_its_wheels(phase, robot_of[run.id]) or _disturbance(phase) or _carried_off(phase))
-            is not None
-        ][:1]
+        outrun = outruns_its_wheels(run, robot)
+        by_phase = (_disturbance(phase) or _carried_off(phase) for phase in moving)
+        found += [item for item in (outrun, *(() if outrun else by_phase)) if item is not None][:1]
     return found
 
 

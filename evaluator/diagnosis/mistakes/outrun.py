@@ -18,16 +18,18 @@ STEADIED = 7  # frames of a median, which three wrong ones do not move
 def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     """A brief time in which a robot gets much farther than its wheels roll, also soon after its start.
 
-    No effect drives it faster than its wheels, except a pull that captures it. A run that outruns them for longer, or
-    over half of its time, has wrong wheel speeds or times. Given poses are not judged: many are held, and then jump.
+    No effect drives it faster than its wheels, except a pull that captures it. The fastest command of a log counts, as
+    motors may follow late. A run that outruns its wheels for longer, or over half of its time, has wrong wheel speeds
+    or times. Given poses are not judged: many are held, and then jump.
     """
-    if run.from_poses:
+    driven = run.run_command.driven
+    if run.from_poses or not driven:
         return None
-    end = np.inf if run.stop_s is None else run.stop_s
+    fastest_rpm = max(unsigned_rpm(item.left_rpm, item.right_rpm)[1] for item in driven)
+    rolls_mm_s = fastest_rpm * 2 * np.pi * robot.driving_radius_mm / 60
     time, middle, _ = midpoint_and_heading(run)
-    inside = (time >= run.start_s) & (time <= end)
+    inside = (time >= driven[0].begin_s) & (time <= driven[-1].end_s)
     time, middle = time[inside], middle[inside]
-    rolls_mm_s = unsigned_rpm(run.left_rpm, run.right_rpm)[1] * 2 * np.pi * robot.driving_radius_mm / 60
     if len(time) < 2 * STEADIED or not rolls_mm_s:
         return None
     middle = np.median(np.lib.stride_tricks.sliding_window_view(middle, STEADIED, axis=0), axis=2)

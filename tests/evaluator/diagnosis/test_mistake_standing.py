@@ -9,6 +9,8 @@ import pytest
 
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs
 from evaluator.diagnosis.mistakes.outrun import outruns_its_wheels
+from evaluator.interchange.commands import RunCommand
+from simulator.command import Command
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
 
 TIME = np.arange(180) / 60  # s; driven from 0.5 s on
@@ -73,6 +75,16 @@ def test_a_robot_that_outruns_its_wheels_for_a_moment_is_pushed(speed: np.ndarra
     if found is not None:
         assert (found.kind, found.equivalent) == ("pushed", ("camera-moved",))
     assert outruns_its_wheels(replace(driven(0, speed=speed), from_poses=True), ROBOT) is None
+
+
+def test_motors_that_follow_a_log_late_do_not_make_a_robot_outrun_its_wheels() -> None:
+    """Told to slow down from 60 to 8 rpm at 1.5 s, it goes on for 0.3 s."""
+    log = RunCommand(Command.steps([(0.5, 60.0, 60.0), (1.5, 8.0, 8.0)]), logged=True)
+    late = replace(driven(0, speed=np.where(TIME > 1.8, 0.4, 3.1)), log=log)
+    assert outruns_its_wheels(late, ROBOT) is None
+    assert disturbed_runs(session(late), [ROBOT] * 8) == []
+    swept = replace(driven(0, speed=np.where((TIME > 1.8) & (TIME < 1.95), 12.0, 3.1)), log=log)
+    assert outruns_its_wheels(swept, ROBOT) is not None
 
 
 def test_a_hand_that_takes_the_robot_away_is_told_with_the_time_at_which_the_run_should_end() -> None:
