@@ -97,7 +97,7 @@ def _has_speeds(reading: Found, run: RunData, gains: tuple[float, float]) -> boo
 
 def _rounded(command: tuple[float, ...], gains: tuple[float, float]) -> str:
     """A command of both sides, multiplied by gains, with two digits."""
-    return " / ".join(f"{speed * (1 + gain):.2g}" for speed, gain in zip(command, gains, strict=True))
+    return " / ".join(f"{float(f'{speed * (1 + gain):.2g}'):g}" for speed, gain in zip(command, gains, strict=True))
 
 
 def _of_other_speeds(run: RunData, alone: str, gains: tuple[float, float]) -> Mistake:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import LEAST_LEAP_MM, WINDOW_S, midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.interchange.commands import unsigned_rpm
 from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
 
 PUSHED_SHARE = 1.6  # of the usual speed of the run, or of its wheels: physical effects cause no such brief changes
 BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little for a force that varies over the plate
@@ -32,22 +35,42 @@ def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     time, middle = time[inside], middle[inside]
     if len(time) < 2 * STEADIED or not rolls_mm_s:
         return None
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(middle, STEADIED, axis=0), axis=2)
-    time = time[STEADIED // 2 : -(STEADIED // 2)]
-    later = np.searchsorted(time, time + WINDOW_S)
-    first = np.flatnonzero(later < len(time))
-    later = later[first]
-    moved, rolled = np.hypot(*(middle[later] - middle[first]).T), rolls_mm_s * (time[later] - time[first])
+    first_s, later_s, moved = _ways(time, middle)
+    rolled = rolls_mm_s * (later_s - first_s)
     outrun = moved > PUSHED_SHARE * rolled + LEAST_LEAP_MM
-    if not outrun.any() or np.mean(outrun) > 0.5 or time[first[outrun][-1]] - time[first[outrun][0]] > BRIEF_S:
+    if not outrun.any() or np.mean(outrun) > 0.5 or np.ptp(first_s[outrun]) > BRIEF_S:
         return None
     most = int(np.argmax(moved - rolled))
-    begin, stop = time[first[most]], time[later[most]]
+    begin, stop = first_s[most], later_s[most]
     seen = (
         f"moves by {moved[most]:.2g} mm from {begin:.2f} to {stop:.2f} s, while its wheels roll {rolled[most]:.2g} mm"
     )
     remedy = "inspect the recording: was the robot pushed or pulled?"
-    if time[-1] - time[later[outrun][-1]] < WINDOW_S:  # to the end
-        before_s = np.floor(100 * time[first[outrun][0]]) / 100
+    if time[-1] - later_s[outrun][-1] < WINDOW_S:  # to the end
+        before_s = np.floor(100 * first_s[outrun][0]) / 100
         remedy = f"if a hand takes the robot away, give a time before as the end of the run (stop_s = {before_s:.2f})"
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
+
+
+def taken_away_s(run: RunData, stop_s: float) -> float:
+    """Time, s, from which a robot gets farther after its stop than it did before: a hand takes it; else infinity."""
+    time, middle, _ = midpoint_and_heading(run)
+    if len(time) < 2 * STEADIED:
+        return np.inf
+    first_s, later_s, moved = _ways(time, middle)
+    driven = (later_s <= stop_s) & (later_s > stop_s - 2 * WINDOW_S)
+    if not driven.any():
+        return np.inf
+    most_mm = PUSHED_SHARE * float(np.median(moved[driven])) + LEAST_LEAP_MM
+    taken = (first_s >= stop_s - WINDOW_S) & (later_s > stop_s) & (moved > most_mm)
+    return max(float(first_s[taken][0]), stop_s) if taken.any() else np.inf
+
+
+def _ways(time_s: Floats, middle_mm: Floats) -> tuple[Floats, Floats, Floats]:
+    """Begin and end, s, of windows of WINDOW_S, one for each frame, and how far, mm, the robot gets in each (m,)."""
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(middle_mm, STEADIED, axis=0), axis=2)
+    time = time_s[STEADIED // 2 : -(STEADIED // 2)]
+    later = np.searchsorted(time, time + WINDOW_S)
+    first = np.flatnonzero(later < len(time))
+    later = later[first]
+    return time[first], time[later], np.hypot(*(middle[later] - middle[first]).T)

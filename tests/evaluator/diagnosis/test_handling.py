@@ -45,6 +45,13 @@ def test_run_ends_where_the_robot_is_taken_away() -> None:
     assert kept_s(filmed(taken_away_s=3.0)) == pytest.approx((0.0, 3.0), abs=0.04)
 
 
+@pytest.mark.parametrize("taken_away_s", [2.05, 2.3])
+def test_run_ends_where_the_robot_is_taken_away_without_a_rest(taken_away_s: float) -> None:
+    """With stop_s a tenth of a second before the hand, a session without fault was "unknown" physics."""
+    end_s = kept_s(filmed(taken_away_s=taken_away_s, hand_mm_s=25.0))[1]
+    assert taken_away_s - 0.15 < end_s < taken_away_s + 0.02
+
+
 @pytest.mark.parametrize(("nudged_s", "begins_s"), [(0.5, 0.5), (0.8, 0.8), (0.95, 0.0), (1.5, 0.0)])
 def test_run_begins_after_a_nudge_that_is_surely_before_its_start(nudged_s: float, begins_s: float) -> None:
     """By 0.15 mm, from one frame to the next; later ones are left to those who look for disturbances."""

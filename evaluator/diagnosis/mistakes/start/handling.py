@@ -18,6 +18,7 @@ from evaluator.diagnosis.mistakes.motion import (
     RESTS_S,
     arm_mm,
 )
+from evaluator.diagnosis.mistakes.outrun import taken_away_s
 from evaluator.robust import PER_MEDIAN
 
 # Starts are known more accurately than the first (late_start.LATE_S), and motors run down within the second.
@@ -40,8 +41,8 @@ def between_hands(run: RunData) -> slice:
             begin = max(begin, int(np.searchsorted(time, nudge[0])))
     if off_s is not None:
         carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S)
-        if len(carried):
-            end = int(carried[0])
+        # without a rest in between, a hand is faster than the robot was
+        end = int(carried[0]) if len(carried) else int(np.searchsorted(time, taken_away_s(run, off_s)))
     return slice(begin, end)
 
 
