@@ -144,7 +144,6 @@ def _cuts(samples: Array) -> list[int]:
     squares = np.concatenate([[0.0], np.cumsum((samples**2).sum(axis=1))])
     best, last = np.zeros(m + 1), np.zeros(m + 1, dtype=int)
     price = PRICE * np.log(max(m, 2))
-    best[0] = -price
     for stop in range(1, m + 1):
         first = np.arange(stop)
         mean = total[stop] - total[first]

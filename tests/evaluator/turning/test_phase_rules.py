@@ -171,3 +171,10 @@ def test_a_piece_at_rest_for_half_of_its_frames_is_rest_and_one_of_few_frames_is
     # Where a piece begins or ends within a run, half a window of five frames is the neighbour's.
     kinds = [measured(scaled, twist, every, *ends).phase.kind for ends in ((0, 20), (0, 21), (20, 45), (20, 46))]
     assert kinds == ["transient", "turn", "transient", "turn"]
+
+
+def test_a_short_piece_late_in_a_run_keeps_half_of_its_frames() -> None:
+    """Half a window of 20 frames at either end would leave nothing of 40: a quarter of the piece is enough."""
+    scaled, twist = driven(5.0, 3.0)
+    found = _measured(FRAME_S * np.arange(FRAMES), scaled, twist, np.ones(FRAMES, bool), 50, 90, 20).phase
+    assert (found.kind, found.radius_mm) == ("turn", pytest.approx(5.0, rel=1e-3))

@@ -261,3 +261,14 @@ def test_tightest_quarter_turn_is_found_where_it_lies_between_two_coarse_steps()
     time, found = measured(np.concatenate([before, np.full(round(0.8 * quarter), 0.25), after]))
     assert found.tightest.value > 0.245
     assert found.from_s == pytest.approx(time[len(before)], abs=0.15 * quarter / 50)
+
+
+def test_tightest_window_of_a_run_that_tightens_to_its_end_is_its_last_quarter_turn() -> None:
+    """A window beyond the end would hold less than a quarter turn, and be tighter than any that the run sustains."""
+    curvature = np.linspace(0.15, 0.3, 1000)
+    time, found = measured(curvature)
+    heading = np.cumsum(curvature * 0.04)
+    last = heading >= heading[-1] - QUARTER_TURN_RAD
+    assert found.to_s == time[-1]
+    assert found.from_s == pytest.approx(time[last][0], abs=0.03)
+    assert found.tightest.value == pytest.approx(curvature[last].mean(), rel=2e-3)
