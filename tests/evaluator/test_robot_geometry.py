@@ -107,3 +107,10 @@ def test_the_wheel_of_a_robot_is_the_mean_of_those_that_drive(tmp_path: Path) ->
     shape = read_geometry(path).shape
     assert shape is not None
     assert shape.wheel_radius_mm == 11.0
+
+
+def test_distance_of_several_marks_is_that_of_the_two_that_are_farthest_apart() -> None:
+    """Their scale is checked by it, and found by it where marks are in px: the farther apart, the smaller the error."""
+    marks = MarkGeometry({"nose": (2.0, 0.0), "side": (1.0, 1.0), "tail": (-1.0, -4.0), "rear": (-1.5, 0.0)})
+    assert marks.farthest_pair() == ("side", "tail")
+    assert marks.spacing_mm == pytest.approx(np.hypot(2, 5))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.errors import InputError
 from evaluator.progress import Cancelled
 from evaluator.workflow import Analysis, analyze, measure, pending
@@ -61,6 +63,20 @@ def test_runs_measured_first_have_the_same_radii_and_leave_only_the_simulation_t
     assert set(map(tuple, pending(experiment, tmp_path / "out", simulate=True).values())) == {("simulate",)}
     after = analyze(experiment, tmp_path / "out", simulate=True, workers=1)
     assert contents(after.outputs.folder) == contents(whole.outputs.folder)
+
+
+def test_a_run_with_a_mistake_is_measured_and_not_pooled(
+    analysed: tuple[Path, Analysis], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiment, whole = analysed
+    assert whole.pooled["left_rpm"].tolist() == whole.turning["left_rpm"].tolist()  # every command once
+    shutil.copytree(whole.outputs.folder, tmp_path / "out")
+    mistake = Mistake(("r02",), "reversed", "r02 drives backward")
+    monkeypatch.setattr("evaluator.workflow.analysis.mistakes_of_marks", lambda *_: [mistake])
+    found = analyze(experiment, tmp_path / "out", simulate=True, workers=1)
+    assert found.turning["radius_mm"].notna().tolist() == [True, True, False]
+    assert found.pooled["left_rpm"].tolist() == whole.turning["left_rpm"].tolist()[::2]
+    assert len(pd.read_csv(found.outputs.pooled)) == 2
 
 
 def test_wheels_of_every_run_have_their_slips_beside_the_simulated_ones(analysed: tuple[Path, Analysis]) -> None:

@@ -7,6 +7,7 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from evaluator.cli.experiment.report import report
 from evaluator.cli.measurement.circular_test import circular_test
 from evaluator.errors import InputError
 from evaluator.workflow import circular_runs, evaluate_circular_test, simulate_circular_test, write_circular_test
+from evaluator.workflow.circular.evaluate import circular_test_of
 from evaluator.workflow.circular.runs import simulated_turns
 from simulator.command import Command
 from simulator.observation import marks_of_run
@@ -55,6 +57,17 @@ def test_simulated_turns_have_the_signs_of_measured_ones(monkeypatch: pytest.Mon
     assert found["speed_mm_s"] == pytest.approx(-np.hypot(3.0, 0.4))
     assert found["yaw_rate_deg_s"] == pytest.approx(np.degrees(-0.2))
     assert found["body_slip_angle_deg"] == pytest.approx(np.degrees(np.arctan(0.4 / 3.0)))
+
+
+def test_runs_with_mistakes_and_runs_that_failed_are_no_part_of_the_test() -> None:
+    robot = load_robot("barrel")
+    left = [20.0, 40.0, 60.0, 50.0, 30.0]
+    commands = pd.DataFrame({"run": list("abcde"), "left_rpm": left, "right_rpm": [rpm / 2 for rpm in left]})
+    turns = simulated_turns(robot, commands).assign(radius_status="ok")
+    analysis: Any = SimpleNamespace(turning=turns, excluded_runs=frozenset("b"), faults={"d": "cannot be read"})
+    found = circular_test_of(analysis, robot)
+    assert found.measured is not None
+    assert list(found.measured.points["run"]) == list(found.simulated.points["run"]) == ["a", "c", "e"]
 
 
 def test_a_constant_radius_is_kept_at_all_speeds() -> None:

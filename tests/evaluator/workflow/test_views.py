@@ -210,7 +210,8 @@ def test_tables_are_pooled_where_they_are_repetitions_of_one_turn() -> None:
     row = {"run": "a", "radius_mm": 8.0, "radius_random_mm": 0.001, "radius_systematic_mm": 0.1, "turned_deg": 90.0,
            "left_rpm": None, "right_rpm": None, "speed_mm_s": 1.0, "yaw_rate_deg_s": 5.0}  # fmt: skip
     said = turning_tables.together([row, {**row, "radius_mm": 8.1}, {**row, "radius_mm": nan}])
-    assert said.startswith("2 repetitions: radius 8.0500 mm, 95 % from ")
+    # Student's 12.706 times the error of the mean, 0.05, and 1.96 times the camera's 0.1, which both runs share.
+    assert said.startswith("2 repetitions: radius 8.0500 mm, 95 % from 7.3851 to 8.7149; ")
     assert "scatter from run to run 0.07" in said
     assert said.endswith("of a single measurement 0.001 mm")
     assert turning_tables.together([row, {**row, "radius_mm": nan}]) == ""
