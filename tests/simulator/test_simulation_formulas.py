@@ -15,7 +15,7 @@ from simulator.errors import SimulationError
 from simulator.integrator.convergence import CHECKS, MOST_CHECK_STEPS
 from simulator.integrator.run_kernel import MOST_STEPS
 from simulator.mark_layout import Mark, Marks, checked_layout, with_default_places
-from simulator.run import State
+from simulator.run import Run, State, WheelStates
 from simulator.simulation import Batch
 
 RECORD = np.zeros(1, [("wheels", np.int64)])
@@ -193,3 +193,20 @@ def test_a_robot_has_marks_of_one_kind_of_table_with_different_names() -> None:
         checked_layout(marks, layout)
     with pytest.raises(ValueError, match="mark name a is used more than once"):
         checked_layout(Marks(), (*layout, layout[0]))
+
+
+def test_table_of_a_run_has_angles_in_degrees_and_every_number_in_the_column_that_names_it() -> None:
+    wheels = WheelStates(*np.array([[[0.1, 0.2]], [[0.3, 0.4]], [[5.0, 6.0]], [[7.0, 8.0]]]))
+    time, x, y, heading, u, v, yaw = np.array([[0.5], [1.0], [2.0], [0.03], [4.0], [5.0], [0.6]])
+    run = Run(time, x, y, heading, u, v, yaw, lambda: wheels, wheel_names=("l", "r"))
+    degrees = 180 / math.pi
+    assert run.to_table().iloc[0].to_dict() == pytest.approx(
+        {
+            **{"time_s": 0.5, "x_mm": 1.0, "y_mm": 2.0, "heading_deg": 0.03 * degrees},
+            **{"u_mm_s": 4.0, "v_mm_s": 5.0, "yaw_rate_deg_s": 0.6 * degrees},
+            **{"l_slip_ratio": 0.1, "l_slip_angle_deg": 0.3 * degrees},
+            **{"l_longitudinal_force_mN": 5.0, "l_lateral_force_mN": 7.0},
+            **{"r_slip_ratio": 0.2, "r_slip_angle_deg": 0.4 * degrees},
+            **{"r_longitudinal_force_mN": 6.0, "r_lateral_force_mN": 8.0},
+        }
+    )
