@@ -202,11 +202,20 @@ def test_table_of_a_run_has_angles_in_degrees_and_every_number_in_the_column_tha
     degrees = 180 / math.pi
     assert run.to_table().iloc[0].to_dict() == pytest.approx(
         {
-            **{"time_s": 0.5, "x_mm": 1.0, "y_mm": 2.0, "heading_deg": 0.03 * degrees},
-            **{"u_mm_s": 4.0, "v_mm_s": 5.0, "yaw_rate_deg_s": 0.6 * degrees},
-            **{"l_slip_ratio": 0.1, "l_slip_angle_deg": 0.3 * degrees},
-            **{"l_longitudinal_force_mN": 5.0, "l_lateral_force_mN": 7.0},
-            **{"r_slip_ratio": 0.2, "r_slip_angle_deg": 0.4 * degrees},
-            **{"r_longitudinal_force_mN": 6.0, "r_lateral_force_mN": 8.0},
+            "time_s": 0.5,
+            "x_mm": 1.0,
+            "y_mm": 2.0,
+            "heading_deg": 0.03 * degrees,
+            "u_mm_s": 4.0,
+            "v_mm_s": 5.0,
+            "yaw_rate_deg_s": 0.6 * degrees,
+            "l_slip_ratio": 0.1,
+            "l_slip_angle_deg": 0.3 * degrees,
+            "l_longitudinal_force_mN": 5.0,
+            "l_lateral_force_mN": 7.0,
+            "r_slip_ratio": 0.2,
+            "r_slip_angle_deg": 0.4 * degrees,
+            "r_longitudinal_force_mN": 6.0,
+            "r_lateral_force_mN": 8.0,
         }
     )

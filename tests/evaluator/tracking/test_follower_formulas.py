@@ -199,6 +199,15 @@ def test_residuals_above_the_noise_widen_a_centre_and_a_slope_that_was_not_taken
     assert variances(occluded) == pytest.approx(stated)
 
 
+def test_what_a_rim_tells_is_held_against_the_mean_variance_of_both_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    noted: list[Any] = []
+    one = found(RESIDUAL=1.4)
+    monkeypatch.setattr(follow, "rim_power", lambda *_: "power")
+    monkeypatch.setattr(one.rim, "note", lambda *said: noted.append(said))
+    one._measured(frame(), np.full(4, 2.0), with_rim=True)
+    assert noted == [("power", pytest.approx(1.3 * 1.5e-4))]
+
+
 def tried(one: Follower, monkeypatch: pytest.MonkeyPatch, guide: tuple[float, float], **said: Any) -> list[Any]:
     """Velocities with which a lost mark is looked for at (30, 20) at 1.1 s, and its colour and light then."""
     seen = []

@@ -236,6 +236,24 @@ def test_a_blob_that_is_soon_lost_does_not_replace_a_disc(
     assert (try_blob(follower(time_s=0.0), 0, held, np.ones(4)) is not None) == taken
 
 
+def test_a_blob_is_looked_for_three_radii_farther_away_with_every_frame_that_did_not_show_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reaches: list[float] = []
+
+    def look_at(
+        _blob: object, _frame: object, _cell: object, _place: object, reach: float, _interval: float
+    ) -> Sighting:
+        reaches.append(reach)
+        return ABSENT["not seen"]
+
+    monkeypatch.setattr(BlobFollower, "look_at", look_at)
+    held: list[Any] = [(SimpleNamespace(index=k, time_s=k / 30), ABSENT["no disc"]) for k in range(4)]
+    one = follower(time_s=0.0)
+    assert try_blob(one, 0, held, np.ones(4)) is None
+    assert reaches == pytest.approx(3 * one.radius_px * np.arange(1, 5))
+
+
 @pytest.mark.parametrize(("share", "taken"), [(0.755, False), (0.75, True)])  # a quarter wider, and 1.2 px
 def test_a_disc_that_is_a_small_part_of_its_colour_is_a_reflection_on_the_mark(
     share: float, taken: bool, monkeypatch: pytest.MonkeyPatch

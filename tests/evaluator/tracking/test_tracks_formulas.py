@@ -128,6 +128,21 @@ def test_a_mark_is_looked_for_within_half_a_step_more_for_every_miss_and_after_e
     assert one._followed(Probe(position=None), frame(), 2.5).status == "not seen"
 
 
+@pytest.mark.parametrize(
+    ("pair", "second", "noted"),
+    [(True, at(4.0, 6.0), True), (False, at(4.0, 6.0), False), (True, ABSENT["not seen"], False)],
+)
+def test_the_distance_of_a_pair_is_learnt_from_frames_that_show_both(
+    pair: bool, second: Sighting, *, noted: bool
+) -> None:
+    seen = list[Any]()
+    body = SimpleNamespace(note=lambda *places: seen.append(places))
+    one: Any = SimpleNamespace(settings=SimpleNamespace(pair=pair), body=body)
+    for sightings in ([at(1.0, 2.0), second], [second, at(1.0, 2.0)]):
+        Tracker._note_distance(one, sightings)
+    assert seen == ([((1.0, 2.0), (4.0, 6.0)), ((4.0, 6.0), (1.0, 2.0))] if noted else [])
+
+
 @pytest.mark.parametrize("missed", [7, 8])
 def test_of_the_places_of_a_lost_mark_the_three_nearest_to_its_course_are_looked_at_or_the_first(missed: int) -> None:
     one: Any = Tracker(TrackingSettings())
