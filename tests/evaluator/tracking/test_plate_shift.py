@@ -13,7 +13,7 @@ import pytest
 
 from calibration import camera_above
 from evaluator.recording import Frame
-from evaluator.tracking.plate_shift import PlateShift, WithPlate
+from evaluator.tracking.plate_shift import PlateShift, WithPlate, _Reference
 from evaluator.workflow import analyze
 from evaluator.workflow.tracking import track_recording
 from tests.evaluator.tracking.synthetic import draw, frame_of, turning_marks, write_video
@@ -70,6 +70,17 @@ def test_a_plate_that_grows_in_the_image_is_told_with_its_scale() -> None:
     assert told.scale == pytest.approx(0.004, rel=0.2)
     assert "the plate changes in size by 0.4" in told.note
     assert "moves by" not in told.note
+
+
+def test_tiles_within_two_distances_of_the_marks_tell_nothing_as_the_robot_moves_there() -> None:
+    """A large robot drives 40 px in a corner, then a third of all tiles go with it; the plate is still."""
+    plate = _Reference(next(recording([texture()[:480, :640]])))
+    marks = np.array([[[80.0, 100.0], [120.0, 100.0]], [[80.0, 200.0], [120.0, 200.0]]])  # each before and now
+    near = (np.hypot(*(plate.middles[:, None, None] - marks).transpose(3, 0, 1, 2)) < 190).any(axis=(1, 2))
+    assert near.mean() > 0.3  # what does not agree with the others is left out only if it is less
+    motion = plate.motion(np.where(near[:, None], [40.0, 0.0], 0.0), np.full(plate.middles.shape, 0.01), marks)
+    assert motion is not None
+    assert (motion.shift_px, motion.of_scale_px) == (0.0, 0.0)
 
 
 def test_what_is_no_motion_of_the_plate_is_not_told() -> None:

@@ -19,7 +19,7 @@ from evaluator.cli.experiment.report import report
 from evaluator.cli.measurement.circular_test import circular_test
 from evaluator.errors import InputError
 from evaluator.workflow import circular_runs, evaluate_circular_test, simulate_circular_test, write_circular_test
-from evaluator.workflow.circular.evaluate import circular_test_of
+from evaluator.workflow.circular.evaluate import _wheelbase, circular_test_of
 from evaluator.workflow.circular.runs import simulated_turns
 from simulator.command import Command
 from simulator.observation import marks_of_run
@@ -68,6 +68,16 @@ def test_runs_with_mistakes_and_runs_that_failed_are_no_part_of_the_test() -> No
     found = circular_test_of(analysis, robot)
     assert found.measured is not None
     assert list(found.measured.points["run"]) == list(found.simulated.points["run"]) == ["a", "c", "e"]
+
+
+@pytest.mark.parametrize(("places", "base_mm"), [((3.0, 3.0, -2.0), 5.0), ((1.0, 1.0), 4.0)])
+def test_wheelbase_is_the_distance_of_axles_that_grip_and_the_track_of_a_robot_with_one(
+    places: tuple[float, ...], base_mm: float
+) -> None:
+    """In all robots that turnscope brings along both are 4 mm."""
+    wheels = [*(SimpleNamespace(x_mm=x, grips=True) for x in places), SimpleNamespace(x_mm=-9.0, grips=False)]
+    robot: Any = SimpleNamespace(all_wheels=wheels, track_mm=4.0)
+    assert _wheelbase(robot) == base_mm
 
 
 def test_a_constant_radius_is_kept_at_all_speeds() -> None:
