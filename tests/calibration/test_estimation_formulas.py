@@ -180,6 +180,8 @@ def test_solve_finds_the_camera_and_the_noise_of_its_dots() -> None:
     start = replace(state, lens=state.lens * [1.1, 1, 1, 1, 0.5, 1, 1, 1, 1, 1], poses=state.poses * 1.02)
     fit = solve(views, start, LOOSE)
     assert fit.variance == pytest.approx(9.0, rel=0.15)
+    freedom = 2 * 4 * 88 - len(state.free) - 4 * 6  # coordinates of dots, less what is fitted to them
+    assert fit.variance == pytest.approx(sum(np.sum(w**2) for w in fit.whitened) / freedom, rel=1e-9)
     sigma = np.sqrt(np.diag(np.linalg.inv(fit.normal))[:4] * fit.variance)
     error = fit.state.lens[[0, 2, 3, 4]] - state.lens[[0, 2, 3, 4]]
     assert np.abs(error / sigma).max() < 3.5

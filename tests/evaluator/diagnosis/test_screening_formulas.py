@@ -13,7 +13,7 @@ from evaluator.diagnosis.inference import screening, strategy
 from evaluator.diagnosis.inference.descent.steps import line_search
 from evaluator.diagnosis.inference.fit import _carried_on
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.screening import screen
+from evaluator.diagnosis.inference.screening import Screen, screen
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.progress import no_progress
@@ -74,6 +74,19 @@ def test_a_screening_has_a_column_of_each_value_coordinate_and_place_at_which_an
     assert view.model.prior.tolist() == pytest.approx([400.0, *[0.0] * 9])
     assert view.offers == (("spot", (3,)), ("spot", (4, 5, 6)), ("steps", (8,)))  # of the last less than half is wanted
     assert view.whole == {4: 7}
+
+
+def test_an_effect_pays_for_all_of_its_parameters_also_for_those_that_are_not_varied_yet() -> None:
+    """Half the logarithm of the runs each: else a place where nothing else shows would make an effect simpler."""
+    asked: list[Any] = []
+    model: Any = SimpleNamespace(runs=20, log_evidence=lambda columns: asked.append(columns) or 10.0)
+    model.taken = lambda _: model
+    columns = (Column("plain", 0, PLAIN), Column("plain", 1, PLAIN), Column("spot", 0, SPOT, (0.0, 3.0, 4.0)))
+    whole, part = ("plain", (0, 1)), ("spot", (2,))
+    view = Screen(columns, model, model, (), (whole, part), {})
+    assert view.evidence(whole) == 10.0
+    assert view.evidence(part) == view.evidence(whole, part) == pytest.approx(10.0 - np.log(20))
+    assert asked == [[0, 1], [2], [0, 1, 2]]
 
 
 class Promises:
