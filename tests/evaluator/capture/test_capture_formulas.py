@@ -8,6 +8,7 @@ from math import hypot, nan, pi, sqrt
 import numpy as np
 import pytest
 
+from evaluator.capture import start
 from evaluator.capture.clock import CaptureClock
 from evaluator.capture.light import LightRegion, light_on
 from evaluator.errors import InputError
@@ -173,3 +174,20 @@ def test_a_single_frame_has_no_interval() -> None:
     np.testing.assert_equal(
         [clock([1.0], [1.0]).report().interval_s, clock([1.0], [1.0]).report().jitter_s], [nan, nan]
     )
+
+
+def test_a_signal_is_sent_once_and_its_moment_is_the_middle_of_the_time_that_this_takes() -> None:
+    now, sent = [10.0], []
+
+    def send() -> None:
+        sent.append(now[0])
+        now[0] += 0.4
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(start.time, "perf_counter", lambda: now[0])
+        ready = start._once(send)
+        assert ready.moment() is None
+        ready.send()
+        ready.send()
+    assert sent == [10.0]
+    assert ready.moment() == pytest.approx(10.2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pandas as pd
 import pytest
 
 from simulator.errors import SimulationError
-from simulator.rendering import Scene, render_clip, render_frames, set_stage, truth_of
+from simulator.rendering import Scene, clip, render_clip, render_frames, set_stage, truth_of
 
 
 def scene(**changes: object) -> Scene:
@@ -87,3 +88,14 @@ def test_odd_sizes_and_wrong_endings_are_refused_with_a_remedy(tmp_path: Path) -
         render_clip(scene(camera={"size_px": (161, 120)}), tmp_path / "clip.mp4")
     with pytest.raises(SimulationError, match="use that suffix"):
         render_clip(scene(encoding={"codec": "lossless"}), tmp_path / "clip.avi")
+
+
+def test_poses_of_an_exposure_lie_on_the_parabola_through_its_beginning_middle_and_end() -> None:
+    """From the middle of its first part to that of its last one: marks are smeared as far as they move."""
+    stage = set_stage(scene())
+    middle, way, bend = np.array([1.0, 2.0, 0.3]), np.array([0.4, -0.2, 0.05]), np.array([0.02, 0.01, -0.01])
+    shot = middle + np.outer([-1, 0, 1], way) + np.outer([1, 0, 1], bend)
+    poses = clip._through(replace(stage, poses=shot[None]), 0)
+    at = 2 * (np.arange(len(poses)) + 0.5) / len(poses) - 1
+    assert len(poses) > 8
+    np.testing.assert_allclose(poses, middle + np.outer(at, way) + np.outer(at**2, bend), atol=1e-12)
