@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
+from evaluator.files.writing import written_whole
 from evaluator.interchange.poses import holds_poses, read_poses
 from evaluator.interchange.tracks import program_of
 from evaluator.marks import read_marks
@@ -117,3 +118,18 @@ def test_a_folder_in_place_of_a_file_names_the_file_in_it(tmp_path: Path) -> Non
         read_with(Path.read_text, tmp_path)
     file = tmp_path / "experiment.toml"
     assert str(error.value) == f"{tmp_path}: is a folder; give the name of a file, such as {file}"
+
+
+def test_a_file_whose_writing_fails_stays_as_it_was_and_nothing_lies_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "turning.csv"
+    path.write_text("of yesterday", encoding="utf-8")
+    with pytest.raises(ZeroDivisionError), written_whole(path) as temporary:
+        temporary.write_text("half of", encoding="utf-8")
+        raise ZeroDivisionError
+    assert path.read_text(encoding="utf-8") == "of yesterday"
+    assert list(tmp_path.iterdir()) == [path]
+    with written_whole(path) as temporary:
+        temporary.write_text("of today", encoding="utf-8")
+        assert path.read_text(encoding="utf-8") == "of yesterday"
+    assert path.read_text(encoding="utf-8") == "of today"
+    assert list(tmp_path.iterdir()) == [path]
