@@ -101,17 +101,20 @@ def read_plain(path: Path, said: FileHints) -> NamedPoints:
 
 
 def _below_header(rows: list[Line], used: Sequence[int], delimiter: str | None) -> tuple[list[Line], list[Line]]:
-    """Further lines of names and units, and the lines of numbers: those from the first with a coordinate."""
+    """Further lines of names and units, and the lines of numbers.
 
-    def is_number(cell: str) -> bool:
+    A line with words and without any number in the columns that are read is one of names and units. One of missing
+    values is none: a mark may be hidden at first, and frames without times are counted from the first line on.
+    """
+
+    def kind(cell: str) -> str:
         try:
-            return bool(np.isfinite(number_of(cell, delimiter)))
+            return "number" if np.isfinite(number_of(cell, delimiter)) else "missing"
         except ValueError:
-            return False
+            return "word"
 
-    first = next((k for k, (_, cells) in enumerate(rows) if any(is_number(cells[index]) for index in used)), 0)
-    words = all(any(re.search(r"[^\W\d]", cell) for cell in cells) for _, cells in rows[:first])
-    first = first if words and first <= MOST_HEADERS else 0
+    kinds = [{kind(cells[index]) for index in used} for _, cells in rows[: MOST_HEADERS + 1]]
+    first = next((k for k, there in enumerate(kinds) if "number" in there or "word" not in there), 0)
     return rows[:first], rows[first:]
 
 

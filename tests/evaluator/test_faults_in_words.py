@@ -123,9 +123,14 @@ def test_a_folder_in_place_of_a_file_names_the_file_in_it(tmp_path: Path) -> Non
 def test_a_file_whose_writing_fails_stays_as_it_was_and_nothing_lies_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "turning.csv"
     path.write_text("of yesterday", encoding="utf-8")
-    with pytest.raises(ZeroDivisionError), written_whole(path) as temporary:
-        temporary.write_text("half of", encoding="utf-8")
-        raise ZeroDivisionError
+
+    def half() -> None:
+        with written_whole(path) as temporary:
+            temporary.write_text("half of", encoding="utf-8")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        half()
     assert path.read_text(encoding="utf-8") == "of yesterday"
     assert list(tmp_path.iterdir()) == [path]
     with written_whole(path) as temporary:

@@ -49,6 +49,19 @@ def test_rows_without_times_and_frames_are_counted_and_image_points_turned_up(tm
     assert unit == "px"
 
 
+@pytest.mark.parametrize("missing", ["nan", "NaN", "None", "-", ""])
+def test_frames_before_a_mark_is_seen_count_also_below_a_line_of_units(tmp_path: Path, missing: str) -> None:
+    """Their words for nothing were taken for names of columns: without times, all that followed came too early."""
+    path, hidden = tmp_path / "table.csv", [f"{missing},{missing},hidden"] * 3
+    for units in ([], ["(mm),(mm),"]):
+        rows = ["x,y,status", *units, *hidden, "1,2,seen", "3,4,seen"]
+        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+        time_s, points, _ = read_points(path, Tracks(rate_hz=50.0, unit="mm"))
+        np.testing.assert_allclose(time_s, np.arange(5) / 50)
+        assert points["tracked"][3:].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+        assert np.isnan(points["tracked"][:3]).all()
+
+
 def test_numbered_and_named_points_keep_their_names(tmp_path: Path) -> None:
     path = tmp_path / "table.txt"
     path.write_text("t\tx1\ty1\tfront_x\tfront_y\n0\t1\t2\t3\t4\n0,5\t1\t2\t3\t4,5\n", encoding="utf-8")
