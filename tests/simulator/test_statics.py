@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.dynamics.statics import Rectangle, wheel_loads
+from simulator.dynamics.statics import Rectangle, _stiff, wheel_loads
 from simulator.errors import SimulationError
 
 WEIGHT = 4900.0
@@ -47,6 +47,15 @@ def test_a_support_that_would_pull_lifts_off_and_the_others_carry_all() -> None:
     assert found[4] == 0.0
     assert found[:4] == pytest.approx([WEIGHT / 4 * (1 - x * 1.6 / 4) for x, _ in corners])
     assert loads([*corners, (6.0, 0.0)], (0.5, 0.0))[4] > 0.0
+
+
+def test_supports_carry_what_their_plane_sinks_at_their_places() -> None:
+    """By this plane a support that has lifted off is known to press again."""
+    places, gravity = np.array([(5.0, 2.0), (4.0, -3.0), (-1.0, 2.5), (-2.0, 1.0)]), np.array([1.2, 0.4])
+    share, plane = _stiff(places, WEIGHT, tuple(gravity))
+    assert share is not None
+    assert share.sum() == pytest.approx(WEIGHT)
+    assert np.column_stack([np.ones(4), places - gravity]) @ plane == pytest.approx(share)
 
 
 def test_attraction_holds_a_robot_that_would_tip_over() -> None:

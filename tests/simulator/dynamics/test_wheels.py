@@ -116,6 +116,26 @@ def test_direction_of_sliding_is_that_of_the_contact_in_the_plate() -> None:
     assert drag == pytest.approx([math.sin(2 * driven)] * 2 + [math.sin(2 * free)] * 2, rel=1e-5)
 
 
+def test_a_share_of_friction_opposes_the_sliding_with_the_grip_and_steepness_that_the_wheel_has_then() -> None:
+    wheel, motion, scaled = plain("wheel"), (0.2, 0.6), (2.0, 3.0, 0.5, 0.7)
+
+    def force(share: float) -> np.ndarray:
+        robot = affected(barrel(), "sliding-friction", share=share) if share else barrel()
+        model, contacts = touched(robot)
+        contacts[[wheel.GRIP_X, wheel.GRIP_Y, wheel.STEEP_X, wheel.STEEP_Y], 0] = scaled
+        return np.array(wheel.law(*motion, 0, contacts, REST, model))
+
+    model, contacts = touched(barrel())
+    law = [float(model[name][0]) for name in ("grip_x", "grip_y", "steep_x", "steep_y")]
+    shape = [float(model[name][0]) for name in ("ratio", "shape_x", "shape_y", "decrease")]
+    given = *motion, contacts[wheel.SURFACE, 0], 1.0, *np.multiply(law, scaled), *shape, REST
+    turning, opposed = (plain("law").wheel_slopes(*given)[:2], plain("law").sliding_slopes(*given)[:2])
+    assert abs(turning[1] / opposed[1]) > 1.2
+    assert force(0.0) == pytest.approx(turning)
+    assert force(1.0) == pytest.approx(opposed)
+    assert force(0.4) == pytest.approx(0.6 * np.array(turning) + 0.4 * np.array(opposed))
+
+
 @pytest.mark.parametrize("name", ["barrel", "tire"])
 def test_nominal_accelerations_are_those_of_the_equations_in_plain_python(name: str) -> None:
     robot = load_robot(name)
