@@ -39,7 +39,7 @@ def moving(color: tuple[int, int, int], *, floor: tuple[float, float, float] | N
         (BLUE, {"mark": {"green": {}}}, "is not within 82 to 172: say color or hue_deg"),
         (BLUE, {"mark": {"car": {"color": "#325ac8", "diameter_px": 60}}}, "is not about diameter_px = 60"),
         (BLUE, {"mark": {"car": {"color": "#325ac8", "region_px": [0, 0, 30, 30]}}}, "outside region_px"),
-        ((92, 106, 96), {"mark": {"green": {}}}, "too pale"),
+        ((93, 105, 96), {"mark": {"green": {}}}, "too pale"),
         (BLUE, {"mark": {"car": {"color": "#325ac8"}}}, "chosen"),
     ],
 )
