@@ -244,6 +244,18 @@ def test_friction_of_ground_is_fitted_in_its_logarithm_from_grip_to_ice() -> Non
 def test_no_dead_band_lies_above_the_largest_command_of_a_robot_that_moved_over_ground() -> None:
     ground = replace(SCENE, size=Size(250.0, 1e6))
     assert EFFECTS["dead-band"].candidate(ground).starts == ((20.0,),)
+    more = replace(ground, command_levels_rpm=(10.0, 30.0, 60.0, 80.0))
+    assert EFFECTS["dead-band"].candidate(more).starts == ((20.0,), (45.0,), (70.0,))
+
+
+@pytest.mark.parametrize(("effect", "bounds"), [("plane-scale", (0.9, 1.1)), ("time-base", (0.99, 1.01))])
+def test_metres_over_ground_are_right_to_a_tenth_and_seconds_to_a_hundredth(
+    effect: str, bounds: tuple[float, float]
+) -> None:
+    """A factor beyond is a wrong unit or a recording that was replayed at another rate, and no effect."""
+    for size, wanted in ((Size(250.0, 1e6), bounds), (SCENE.size, (0.5, 2.0))):
+        (factor,) = EFFECTS[effect].candidate(replace(SCENE, size=size)).coordinates
+        assert (factor.low, factor.high) == wanted
 
 
 def test_a_magnet_is_looked_for_in_and_around_the_reach_of_the_runs() -> None:

@@ -249,6 +249,15 @@ def test_sentences_that_have_no_reason_are_empty() -> None:
     assert effect_words("plate-tilt") == "plate-tilt"
 
 
+def test_that_nothing_is_left_over_is_said_only_where_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("disagreement_map", "disagreement_panels"):
+        monkeypatch.setattr(f"evaluator.report.diagnosis.sections.{name}", lambda *_, **__: None)
+    nothing = "The residuals do not depend significantly on any quantity that was examined."
+    for where, said in ([], nothing), ([{"sentence": "it turns"}], "It turns."):
+        (_, told) = diagnosis_sections(view({"verdict": "unknown", "where": where}, pd.DataFrame({"run": ["r1"]})))
+        assert told.text == (said,)
+
+
 def test_of_runs_left_out_for_one_reason_five_are_named_and_the_others_counted() -> None:
     six = {f"r{k}": "dark" for k in range(6)}
     assert left_out_sentence({"skipped_runs": six}) == "Left out of the diagnosis: r0, r1, r2, r3, r4, r5 (dark)."
