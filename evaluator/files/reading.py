@@ -96,7 +96,8 @@ KINDS = {
 def in_words(kind: str, message: str) -> str:
     """What is wrong with a value, from the type and the message of an error of pydantic."""
     of_kind = KINDS.get(kind.partition("_")[0]) if kind.endswith(TYPES) else None
-    return of_kind or (message[0].lower() + message[1:]).removeprefix("value error, ").removeprefix("input ")
+    said = (message[0].lower() + message[1:]).removeprefix("value error, ").removeprefix("input ")
+    return of_kind or said.removeprefix("tuple ").replace(" after validation,", ",")  # of a list that is too short
 
 
 def explain(error: ValidationError, load: Callable[[Path], object]) -> str:

@@ -35,6 +35,7 @@ class Whole(BaseModel, extra="forbid"):
     file: Path = Path()
     places: tuple[float, ...] = ()
     part: tuple[Part, ...] = ()
+    ends: tuple[Part, ...] = Field((), min_length=2)
 
 
 def load(path: Path) -> Whole:
@@ -54,6 +55,8 @@ def load(path: Path) -> Whole:
         ({"part": [{"size": 0}]}, "part[1].size = 0: should be greater than 0"),
         ({"part": [{}]}, "part[1].size is missing"),
         ({"part": [{"size": 1, "cuont": 2}]}, "unknown key part[1].cuont; did you mean count?"),
+        ({"ends": [{"size": 1}]}, "ends = [{'size': 1}]: should have at least 2 items, not 1"),
+        ({"ends": [{"size": 1}, {"size": 0}]}, "ends[2].size = 0: should be greater than 0"),
         ({"y" * 5000: 1}, f"unknown key {'y' * 200}…"),
         ({"places": "x" * 5000}, f"places = '{'x' * 199}…: should be a list"),
         ({"nmae": ""}, "unknown key nmae; did you mean name?"),

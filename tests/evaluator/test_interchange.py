@@ -119,6 +119,18 @@ def test_movement_dataset_is_read_in_seconds_and_in_frames(truth: pd.DataFrame, 
         assert_same(read_any_marks(path, Tracks(unit="mm")), truth)
 
 
+@pytest.mark.parametrize(("name", "dims"), [("place", ("time", "space", "keypoints")), ("position", ("time", "space"))])
+def test_a_netcdf_file_without_places_of_points_is_no_movement_dataset(
+    name: str, dims: tuple[str, ...], tmp_path: Path
+) -> None:
+    xr = pytest.importorskip("xarray", reason="reading netCDF-4 is an optional extra")
+    path = tmp_path / "other.nc"
+    data = xr.Dataset({name: (dims, np.ones((3, 2, 2)[: len(dims)]))}, coords={"time": np.arange(3.0)})
+    data.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(InputError, match=r"other\.nc: no position over time, space and keypoints in it"):
+        read_any_marks(path, Tracks(unit="mm"))
+
+
 def project_text(truth: pd.DataFrame, *, unit: str = "", yellow: str = "mass B") -> str:
     """The truth as OSP Tracker saves it: px, y down, on a turned system whose origin and scale stand beside it."""
     origin, angle, per_mm, marks = np.array([320.0, 240.0]), np.radians(30.0), 12.5, ""
