@@ -80,3 +80,18 @@ def test_a_file_may_be_named_by_its_text(tmp_path: Path) -> None:
     written.write_text("\n".join([",".join(COLUMNS), *ROWS]) + "\n", encoding="utf-8")
     write_marks(read_marks(str(written)), name)
     assert read_marks(name).iloc[0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        (["0", "1e13", "2", "2e13"], "line 3, time_s = 1e+13 is not a time in seconds"),
+        (["0", "1", "1", "0.5"], "line 4, "),
+    ],
+)
+def test_the_first_line_with_an_impossible_time_is_named(tmp_path: Path, times: list[str], said: str) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("\n".join([",".join(COLUMNS), *(f"{time},1,2,3,4" for time in times)]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        read_marks(path)
+    assert said in str(error.value)

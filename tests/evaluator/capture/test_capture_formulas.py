@@ -8,7 +8,7 @@ from math import hypot, nan, pi, sqrt
 import numpy as np
 import pytest
 
-from evaluator.capture import start
+from evaluator.capture import record, start
 from evaluator.capture.clock import CaptureClock
 from evaluator.capture.light import LightRegion, light_on
 from evaluator.errors import InputError
@@ -191,3 +191,14 @@ def test_a_signal_is_sent_once_and_its_moment_is_the_middle_of_the_time_that_thi
         ready.send()
     assert sent == [10.0]
     assert ready.moment() == pytest.approx(10.2)
+
+
+def test_what_is_seen_of_a_frame_is_said_from_the_next_one_on() -> None:
+    asked: list[object] = []
+    observer = record._Observer(lambda frame: asked.append(frame) or f"{len(asked)} marks")
+    frame: Frame = object()  # type: ignore[assignment]
+    assert observer.look(None) == ""
+    assert observer.look(frame) == ""
+    observer.close()  # waits for what is seen
+    assert (observer.look(None), asked) == ("1 marks", [frame])
+    assert record._Observer(None).look(frame) == ""

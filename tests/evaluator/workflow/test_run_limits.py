@@ -92,6 +92,10 @@ def test_motors_start_before_the_end_of_a_recording_and_stop_after_its_beginning
     found = Run.outside(run(start_s=start, stop_s=stop), told, 1.0, 5.0)
     assert (found or "").startswith(f"run r01: {fault}" if fault else "")
     assert bool(found) == bool(fault)
+    logged: Any = SimpleNamespace(logged=True, starts_at_rest=True, start_s=start, stop_s=stop)
+    by_log = Run.outside(run(start_s=start, stop_s=stop), logged, 1.0, 5.0)
+    assert (by_log or "").startswith(f"run r01: commands: motors {'on' if start else 'off'} at " if fault else "")
+    assert bool(by_log) == bool(fault)
 
 
 def test_a_start_by_a_clock_that_counts_from_1970_lies_in_its_recording(tmp_path: Path) -> None:
