@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from evaluator.tracking.following.follow_blob import EXTENT, BlobFollower
+from evaluator.tracking.refinement import blob as blobs
 from evaluator.tracking.refinement.blob import (
     SHORTEST,
     Blob,
@@ -284,3 +285,20 @@ def test_paler_part_of_a_mark_does_not_raise_its_threshold() -> None:
         follower.accept(sighting, 0.1 * k)
     assert sighting.status == "ok"
     assert follower.area_px2 > 800.0
+
+
+@pytest.mark.parametrize(
+    ("left", "top", "whole"), [(30, 20, True), (0, 20, False), (30, 0, False), (50, 20, False), (30, 30, False)]
+)
+def test_a_blob_is_whole_that_touches_no_border_of_the_image(
+    left: int, top: int, *, whole: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten by ten of 60 by 40 px: also one that lies in the second half of the image, as far as it is large."""
+    said: list[bool] = []
+    monkeypatch.setattr(blobs, "_measured", lambda *_, whole: said.append(whole))
+    plane = np.full((40, 60), 128, np.uint8)
+    plane[top : top + 10, left : left + 10] = 178
+    frame: Any = SimpleNamespace(u=plane, v=np.full((40, 60), 128, np.uint8))
+    color = np.array([128.0, 128.0, 1.0, 0.0, 22.5, 0.5])
+    assert blobs_around(frame, np.array([1.0, 1.0, 0.0, 0.0]), color, (left + 5.0, top + 5.0), 9.0, 50.0) == []
+    assert said == [whole]

@@ -87,6 +87,14 @@ def test_where_no_edge_is_found_none_is_sought_for_eight_frames(monkeypatch: pyt
         assert one.looked == 0
 
 
+def test_an_edge_is_sought_with_the_smear_and_the_noise_of_the_mark(monkeypatch: pytest.MonkeyPatch) -> None:
+    views, one = list[Any](), beside(None, monkeypatch)
+    one.disc[5:7], one.noise[:] = (3.0, -4.0), (9.0, 0.5)
+    monkeypatch.setattr(slow_path, "find_edge", lambda view, *_: views.append(view))
+    one.refit(frame(), suspicious=False)
+    assert [(view.path_px, view.noise) for view in views] == [((3.0, -4.0), (9.0, 0.5))]
+
+
 def test_an_edge_that_was_found_is_fitted_in_the_next_eight_frames_even_without_a_slope(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
