@@ -288,7 +288,8 @@ def test_paler_part_of_a_mark_does_not_raise_its_threshold() -> None:
 
 
 @pytest.mark.parametrize(
-    ("left", "top", "whole"), [(30, 20, True), (0, 20, False), (30, 0, False), (50, 20, False), (30, 30, False)]
+    ("left", "top", "whole"),
+    [(30, 20, True), (5, 20, True), (30, 5, True), (0, 20, False), (30, 0, False), (50, 20, False), (30, 30, False)],
 )
 def test_a_blob_is_whole_that_touches_no_border_of_the_image(
     left: int, top: int, *, whole: bool, monkeypatch: pytest.MonkeyPatch
