@@ -22,7 +22,8 @@ LIBRARIES = (
     *("numpy", "scipy.optimize", "scipy.stats", "scipy.signal", "pandas", "numba", "cv2", "pydantic", "pytest"),
     "hypothesis",
 )
-WAITS = 30  # times its processor time that a run may take on a busy machine, before it is taken to wait for ever
+WAITS = 3  # times its processor time that a run may take beside what it waits for a core, before it waits for ever
+BUSY = 10  # times as long, where the system does not tell how long it waits for a core
 IDLE_S = 60.0  # and so is one that has done nothing at all for so long
 
 
@@ -102,18 +103,23 @@ def _passes(
 
 
 def ended(child: int, limit_s: float, idle_s: float = IDLE_S) -> int:
-    """Exit status of a child that leads its process group; it is killed where it seems to wait for ever."""
-    ends = time.monotonic() + WAITS * limit_s
-    worked, idle_since = "", time.monotonic()
-    while time.monotonic() < min(ends, idle_since + idle_s):
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
+    """Exit status of a child that leads its process group; it is killed where it seems to wait for ever.
+
+    What it has started ends with it: workers of a pool would wait for a parent that is gone.
+    """
+    begun = idle_since = time.monotonic()
+    worked, longest_s = "", WAITS * limit_s
+    done, status = os.waitpid(child, os.WNOHANG)
+    while not done and time.monotonic() < min(begun + longest_s, idle_since + idle_s):
         if (now := _worked(child)) != worked or not now:
             worked, idle_since = now, time.monotonic()
+        delayed_s = _delayed_s(child)
+        longest_s = WAITS * limit_s * BUSY if delayed_s is None else WAITS * limit_s + delayed_s
         time.sleep(0.02)
-    os.killpg(child, signal.SIGKILL)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        done, status = os.waitpid(child, os.WNOHANG)
+    with suppress(ProcessLookupError):  # nothing of the group is left
+        os.killpg(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(status if done else os.waitpid(child, 0)[1])
 
 
 def _worked(process: int) -> str:
@@ -122,6 +128,14 @@ def _worked(process: int) -> str:
         return " ".join(Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[11:15])
     except OSError:
         return ""
+
+
+def _delayed_s(process: int) -> float | None:
+    """How long a process has waited for a core, as others had them, s; None where the system does not tell."""
+    try:
+        return int(Path(f"/proc/{process}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
+    except (OSError, IndexError):
+        return None
 
 
 def _run_and_leave(tests: list[str], changed: frozenset[str], plugin: Reach | Chosen, file: Path | None) -> NoReturn:
