@@ -49,7 +49,7 @@ class Reach:
             self.time_s[item.nodeid] = time.process_time() - began
             for definitions in item._fixtureinfo.name2fixturedefs.values():  # type: ignore[attr-defined]
                 self._now |= self._shared.get(id(definitions[-1]), set())
-            self.called[item.nodeid] = set(self._ours(self._now))
+            self.called[item.nodeid] = set(self._ours(self._now.copy()))  # threads of a server may still add to it
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:

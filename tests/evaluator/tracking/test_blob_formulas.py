@@ -219,6 +219,7 @@ def test_a_centre_lies_midway_between_two_tone_curves_and_anywhere_between_them(
     ("place", "half", "most", "beyond"),
     [
         ((25.0, 21.0), 20.0, 97.0, False),  # 12 by 8 px, whole within the window
+        ((25.0, 21.0), 9.0, 97.0, False),  # and within one that begins in the middle of the image
         ((25.0, 21.0), 20.0, 95.0, True),
         ((19.6, 17.6), 20.0, 97.0, False),  # its corner is a part of it
         ((18.4, 21.0), 20.0, 97.0, True),  # beside it there is nothing

@@ -10,7 +10,7 @@ from evaluator.tracking.refinement.disc import Disc, fit, make_disc
 from evaluator.tracking.refinement.kernels import RESULTS, VAR_X, X, Y
 from evaluator.tracking.refinement.learn_shape import cut_patch, finished
 from evaluator.tracking.refinement.occluded_pixels import CORE
-from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
+from evaluator.tracking.refinement.occlusion import NOTABLE, _window, fit_uncovered
 from evaluator.tracking.refinement.slow_path import SlowPath
 from tests.evaluator.tracking.synthetic import draw, frames_in_memory, turning_marks
 
@@ -142,3 +142,12 @@ def test_errors_that_a_codec_shares_among_neighbours_cover_nothing() -> None:
         shared = cv2.resize(rng.normal(0.0, 1.0, (blocks, blocks)), (SIZE, SIZE), interpolation=cv2.INTER_NEAREST)
         coded = np.clip(np.rint(image + 6.0 * shared * steep / steep.max()), 0, 255).astype(np.uint8)
         assert fits(coded, disc)[2] == 0.0
+
+
+def test_pixels_of_a_mark_in_a_field_are_those_of_its_rows() -> None:
+    """A disc that reaches 6 px: rows 17 to 23 of the field lie 35 to 47 px down; one more on either side."""
+    fitted, numbers = np.zeros(RESULTS), np.array([0.0, 0.0, 0.0, 0.0, 6.0])
+    fitted[[X, Y]] = 30.0, 41.0
+    assert _window((50, 80), 1, 2, fitted, numbers) == (16, 25, 23, 38)
+    assert _window((50, 80), 0, 1, fitted, numbers) == (34, 49, 23, 38)
+    assert _window((44, 34), 0, 1, fitted, numbers) == (34, 44, 23, 34)  # no more than there are

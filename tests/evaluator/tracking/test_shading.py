@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from evaluator.tracking.refinement import kernels, shading
 from evaluator.tracking.refinement.disc import PER_PX, make_disc
-from evaluator.tracking.refinement.shading import learn_shading
+from evaluator.tracking.refinement.shading import LightNotes, learn_shading
 
 DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 1.0)
 
@@ -39,3 +42,19 @@ def test_a_fitted_centre_is_off_by_the_gain_where_light_is_uneven(level: tuple[f
     off = result[[kernels.X, kernels.Y]] - center
     assert np.hypot(*off) > 0.02
     np.testing.assert_allclose(off, shading._gain(disc, black) * beta, rtol=0.05)
+
+
+def test_uneven_light_is_noted_in_the_interior_of_a_mark_frame_by_frame() -> None:
+    """In 12 bits: light that grows by 8 levels a pixel to the right, on a mark of 2560 above a black of 256."""
+    luma = np.tile(np.rint(2560 + 8 * np.arange(200.0)), (100, 1)).astype(np.uint16)
+    frame: Any = SimpleNamespace(luma=luma, row_origin=0, row_step=1, black=256.0)
+    disc, notes = make_disc(8.0, 0.9, (0.0, 0.0), (1920.0, 640.0), 1.0), LightNotes()
+    notes.note(frame, (40.0, 50.0))  # of a mark that is too small nothing is noted
+    assert notes.learnt(disc) is None
+    notes.interior_px = 5.0
+    for x in np.linspace(30, 170, 40):
+        notes.note(frame, (float(x), 50.0))
+    found = notes.learnt(disc)
+    assert found is not None
+    shift, _ = found.shift(np.array([[100.0, 50.0]]))
+    assert shift[0] == pytest.approx([found.gain * 8 / (1920 + 640 - 256), 0.0], rel=0.02, abs=1e-5)
