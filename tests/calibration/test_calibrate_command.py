@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -97,3 +98,22 @@ def test_an_array_is_counted_across_and_down_as_the_image_shows_it(turned: bool)
     points = 20.0 * np.column_stack([column, row])
     index = np.column_stack([row, -column] if turned else [column, row])
     assert array_size(Lattice(np.arange(12), index), points) == ("square", 4, 3)
+
+
+@pytest.mark.parametrize(
+    ("level", "outcome", "status"), [("sound", "holds", 0), ("doubtful", "holds", 0), ("sound", "no longer holds", 1)]
+)
+def test_a_check_says_what_the_calibration_is_worth_and_its_status_tells_whether_it_holds(
+    level: str, outcome: str, status: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdict = SimpleNamespace(level=level, summary=f"{level}, seen from one side", mark_height_mm=6.5)
+    stored = SimpleNamespace(gauge=None, flatness=None, variance=1.0, verdict=verdict, camera=lambda: None)
+    found = SimpleNamespace(outcome=outcome, summary=f"The camera {outcome}.", dots=90, rms_px=0.04, shift_mm=0.1)
+    monkeypatch.setattr("calibration.store.load_camera_file", lambda _: stored)
+    monkeypatch.setattr("calibration.estimation.gauge_as_printed.excess_found", lambda *_: None)
+    monkeypatch.setattr("calibration.detection.image.read_image", lambda _: None)
+    monkeypatch.setattr("calibration.assessment.camera_check.check_camera", lambda *_, **__: found)
+    done = CliRunner().invoke(check_camera, ["camera.json", "today.png"])
+    assert done.exit_code == status, done.output
+    assert f"The camera {outcome}." in done.output
+    assert ("note: the calibration itself is doubtful, seen from one side" in done.output) == (level == "doubtful")
