@@ -230,10 +230,11 @@ def test_a_project_of_sleap_is_told_what_to_export(tmp_path: Path) -> None:
         read_any_marks(tmp_path / "robot.slp", Tracks(rate_hz=60.0))
 
 
-@pytest.mark.parametrize("layout", ["table", "fixed"])
+@pytest.mark.parametrize("layout", ["table", "fixed", "animals"])
 def test_hdf5_of_deeplabcut_is_read_as_its_csv_is(truth: pd.DataFrame, tmp_path: Path, layout: str) -> None:
     h5py = pytest.importorskip("h5py", reason="reading HDF5 is an optional extra")
-    columns = [("net", name, part) for name in ("left", "right") for part in ("x", "y", "likelihood")]
+    of_each = ("middle",) if layout == "animals" else ()  # the point of each of two animals
+    columns = [("net", name, *of_each, part) for name in ("left", "right") for part in ("x", "y", "likelihood")]
     sure = np.full(len(truth), 0.99)
     values = np.column_stack([*truth[["green_x_mm", "green_y_mm"]].to_numpy().T, sure,
                               *truth[["yellow_x_mm", "yellow_y_mm"]].to_numpy().T, sure])  # fmt: skip
@@ -247,13 +248,14 @@ def test_hdf5_of_deeplabcut_is_read_as_its_csv_is(truth: pd.DataFrame, tmp_path:
             group.attrs["non_index_axes"] = np.bytes_(pickle.dumps([(1, columns)], 0))
         else:
             group["axis1"], group["block0_values"] = np.arange(len(truth)), values
-            for level in range(3):
+            for level in range(len(columns[0])):
                 names = sorted({column[level] for column in columns})
                 group[f"block0_items_level{level}"] = np.array(names, "S")
                 group[f"block0_items_label{level}"] = [names.index(column[level]) for column in columns]
     expected = truth.copy()
     expected.loc[5, list(COLUMNS[1:])] = np.nan
-    said = Tracks(green="left", yellow="right", unit="mm", rate_hz=60.0)
+    green, yellow = ("_".join((name, *of_each)) for name in ("left", "right"))
+    said = Tracks(green=green, yellow=yellow, unit="mm", rate_hz=60.0)
     assert_same(read_any_marks(tmp_path / "dlc.h5", said), expected)
 
 

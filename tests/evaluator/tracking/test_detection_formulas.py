@@ -80,8 +80,9 @@ def test_a_pair_loses_by_unequal_sizes_and_by_a_distance_that_is_not_that_of_the
     assert of_pair(SAID_PAIR, replace(YELLOW, center_px=(68.0, 16.0))) == pytest.approx(0.0)  # in any direction
     far = replace(YELLOW, center_px=(50.0 + 30 * exp(1.0), 40.0))
     assert of_pair(SAID_PAIR, far) == pytest.approx(_log_odds(1.0))
-    smaller = replace(YELLOW, radius_px=5.0 * exp(-0.15), center_px=(50.0 + 15 * (1 + exp(-0.15)), 40.0))
-    assert of_pair(SAID_PAIR, smaller) == pytest.approx(-0.5)
+    for off, lost in ((0.15, 0.5), (0.3, 2.0)):  # of their sizes, by one spread and by two
+        smaller = replace(YELLOW, radius_px=5.0 * exp(-off), center_px=(50.0 + 15 * (1 + exp(-off)), 40.0))
+        assert of_pair(SAID_PAIR, smaller) == pytest.approx(-lost)
 
 
 def test_marks_of_a_robot_that_nobody_described_are_some_three_diameters_apart() -> None:
