@@ -103,3 +103,11 @@ def test_an_edge_is_believed_that_half_of_the_patches_show_and_three_at_least(
     disc = finished(appearance._learn_beside_edge(given, first))
     assert disc.edge == ("edge" if learnt else None)
     assert lessons == ([edges] * 2 if learnt else [])
+
+
+def test_a_patch_that_no_disc_fits_counts_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What covers a mark is told beside its disc: without one there is nothing to tell it from."""
+    luma, nowhere = np.zeros((4, 5), np.uint8), np.full(kernels.RESULTS, np.nan)
+    monkeypatch.setattr(appearance, "_fitted", lambda *_, **__: (luma, (0, 1), nowhere))
+    shown, share = appearance._uncovered(Patch(*np.zeros((3, 20)), (2.0, 2.0)), DISC)
+    assert (shown.tolist(), share) == ([True] * 20, 0.0)
