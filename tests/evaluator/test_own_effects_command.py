@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections import ChainMap
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -41,6 +43,16 @@ def test_a_python_file_is_listed_only_where_it_is_named() -> None:
     with pytest.raises(InputError, match="no such effect"):
         said("left-faster")
     assert "v_left" in said("--effect", "left-faster.py", "left-faster")
+
+
+def test_an_effect_of_an_installed_package_is_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours = replace(EFFECTS["plate-tilt"], id="tilt-of-our-table")
+    point = SimpleNamespace(name="ours", load=lambda: ours)
+    monkeypatch.setattr("simulator.own_effects.files.entry_points", lambda **_: [point])
+    try:
+        assert "tilt-of-our-table" in said()
+    finally:
+        OWN.pop(ours.id, None)
 
 
 def test_the_page_draws_an_own_effect_too(monkeypatch: pytest.MonkeyPatch) -> None:

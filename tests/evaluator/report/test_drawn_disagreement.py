@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -10,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.report.diagnosis.view import _pieces
 from evaluator.report.figures import disagreement
 from evaluator.report.pages.colors import INK, PAPER, SOFT
 from tests.evaluator.report.shown import labels, limits, lines, undrawn
@@ -176,3 +179,13 @@ def test_panels_show_the_strongest_dependence_of_each_kind_once_and_six_at_most(
     assert disagreement.disagreement_panels(pieces()) is None
     many = pd.concat([pieces()] * 126, ignore_index=True)  # 504 pieces
     assert len(disagreement._thinned(many)) == 168
+
+
+def test_pieces_of_an_earlier_program_that_lack_a_column_are_not_drawn(tmp_path: Path) -> None:
+    path, names = tmp_path / "disagreement.csv", [*COLUMNS, *(f"after_{name}" for name in QUANTITIES)]
+    assert _pieces(path) is None
+    for missing in ("", names[0], names[-1]):
+        table = pd.DataFrame({name: [1.0, 2.0] for name in [*names, "of_a_later_one"] if name != missing})
+        table.to_csv(path, index=False)
+        found = _pieces(path)
+        assert (found is not None and found["x_mm"].tolist() == [1.0, 2.0]) == (not missing)
