@@ -279,12 +279,16 @@ def test_mistakes_are_mended_where_asked(stub: Any) -> None:
 
 CLOSED = """
 import os, sys
-from evaluator.cli import _open_closed_streams
-_open_closed_streams()
-assert os.open(os.devnull, os.O_RDONLY) > 2
-print("to nobody", file=sys.stderr)
-print("to nobody", flush=True)
-sys.exit(7)
+from evaluator.cli import failures, main
+
+def run(_):
+    assert os.open(os.devnull, os.O_RDONLY) > 2
+    print("to nobody", file=sys.stderr)
+    print("to nobody", flush=True)
+    return 7
+
+failures.run_safely, sys.argv = run, ["turnscope"]
+main()
 """
 
 
