@@ -265,7 +265,7 @@ def test_tightest_quarter_turn_is_found_where_it_lies_between_two_coarse_steps()
 
 def test_tightest_window_of_a_run_that_tightens_to_its_end_is_its_last_quarter_turn() -> None:
     """A window beyond the end would hold less than a quarter turn, and be tighter than any that the run sustains."""
-    curvature = np.linspace(0.15, 0.3, 1000)
+    curvature = np.linspace(0.15, 0.3, 500)
     time, found = measured(curvature)
     heading = np.cumsum(curvature * 0.04)
     last = heading >= heading[-1] - QUARTER_TURN_RAD
