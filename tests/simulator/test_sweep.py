@@ -23,7 +23,7 @@ from simulator.effects.entry import EffectEntry
 from simulator.errors import SimulationError
 from simulator.robot import load_robot
 from simulator.simulation import simulate
-from simulator.sweep import load_sweep, robot_of_sweep, run_part
+from simulator.sweep import changed, load_sweep, robot_of_sweep, run_part
 
 SWEEP = """
 format = 1
@@ -91,6 +91,17 @@ def test_a_key_that_is_none_is_named_before_anything_runs(tmp_path: Path, line: 
     with pytest.raises(SimulationError) as caught:
         robot_of_sweep(load_sweep(path))
     assert said in str(caught.value)
+
+
+def test_parameters_of_one_effect_come_together_and_others_stay_as_they_are() -> None:
+    robot = load_robot("barrel").model_copy(update={"effect": (EffectEntry(id="plate-tilt", angle_deg=2.0),)})
+    found = changed(robot, {"effect.mass-offset.x_mm": 0.3, "effect.mass-offset.y_mm": -0.2, "body.mass_g": 0.6})
+    assert [(entry.id, entry.given) for entry in found.effect] == [
+        ("plate-tilt", robot.effect[0].given),
+        ("mass-offset", {"x_mm": 0.3, "y_mm": -0.2}),
+    ]
+    steeper = changed(robot, {"effect.plate-tilt.angle_deg": 3.0})
+    assert [entry.given["angle_deg"] for entry in steeper.effect] == [3.0]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
