@@ -87,7 +87,8 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     assert search is not None
     if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(gap, found.held_out)):
         # a free-form term that does not predict held-out runs does not describe the missing physics
-        return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {reason} with it"), nominal)
+        tried = f"with {' and '.join(sorted(found.chosen))}, the nearest description, {reason}"
+        return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {tried}"), nominal)
     if found.verdict in ("unknown", "insufficient"):
         return found
     if not found.follows:

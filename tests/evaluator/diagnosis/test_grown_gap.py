@@ -120,7 +120,8 @@ def test_a_term_without_a_name_whose_gap_does_not_shrink_is_not_told(
     again = review._doubted(found, None)  # type: ignore[arg-type]
     assert again.verdict == "unknown"
     assert again.chosen == (term if told else frozenset())
-    assert ("does not shrink (0.1 to 0.11 mm) with it" in again.reason) == (not told)
+    tried = "why; with free:force_left.v_abs_v, the nearest description, the gap after refitting does not shrink (0.1"
+    assert again.reason.startswith(tried) == (not told)
 
 
 def _of_four_runs(verdict: str, after: float, *, open_ground: bool = False) -> Diagnosis:
