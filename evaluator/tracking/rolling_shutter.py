@@ -72,14 +72,16 @@ def of_common_readouts(table: pd.DataFrame, names: Iterable[str], height_px: int
     shifts, sigmas = [], []
     for name in names:
         places = table[[f"{name}_x_{unit}", f"{name}_y_{unit}"]].to_numpy(float)
-        speed = np.hypot(*(places[apart:] - places[:-apart]).T) / (time_s[apart:] - time_s[:-apart])
         rows = table[f"{name}_y_px"].to_numpy(float)[AROUND : len(table) - AROUND]
-        shifts.append(speed * one_ms.lag_s(rows))
+        with np.errstate(over="ignore", invalid="ignore"):  # places corrected by hand may be any number
+            speed = np.hypot(*(places[apart:] - places[:-apart]).T) / (time_s[apart:] - time_s[:-apart])
+            shifts.append(speed * one_ms.lag_s(rows))
         sigmas.append(table[[f"{name}_x_sigma_{unit}", f"{name}_y_sigma_{unit}"]].to_numpy(float).ravel())
     shift, sigma = np.concatenate(shifts), np.concatenate(sigmas)
-    if not (np.isfinite(shift).any() and np.isfinite(sigma).any()):
+    shift = shift[np.isfinite(shift)]
+    if not (len(shift) and np.isfinite(sigma).any()):
         return None
-    usual = float(np.sqrt(np.nanmean(shift**2)))
+    usual = float(np.hypot.reduce(shift)) / len(shift) ** 0.5  # squares may overflow
     over = COMMON_MS[0] * usual / float(np.nanmedian(sigma))
     return UnstatedReadout(usual * of_unit, shown, over) if over > BEYOND else None
 

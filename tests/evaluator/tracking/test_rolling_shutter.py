@@ -106,6 +106,16 @@ def test_slow_marks_unsure_marks_and_marks_that_are_never_seen_need_no_shutter()
     assert of_common_readouts(table().head(4), ["green"], 481) is None
 
 
+@pytest.mark.parametrize("place_px", [1e200, 1e308, -1e308])
+@pytest.mark.filterwarnings("error")
+def test_a_place_far_from_every_image_ends_in_no_warning(place_px: float) -> None:
+    """A file of corrections may hold any number."""
+    seen = table()
+    seen.loc[40, ["green_x_px", "green_y_px"]] = place_px
+    seen.loc[46, ["green_x_px", "green_y_px"]] = -place_px
+    of_common_readouts(seen, ["green"], SHUTTER.height_px)
+
+
 @pytest.mark.parametrize(("said", "stated"), [({}, False), ({"readout_ms": 0.0}, True), ({"readout_ms": 16.0}, True)])
 def test_a_readout_of_zero_states_a_global_shutter(said: dict[str, float], stated: bool) -> None:
     assert TrackingSettings(**said).shutter_stated == stated
