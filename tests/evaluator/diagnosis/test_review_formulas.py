@@ -151,7 +151,7 @@ def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
         ),
         ("effect", {"missed": "yaw"}, "effect", "so", True),
         ("effect", {"few": "too few"}, "effect", "so", True),
-        ("unknown", {"grown": "grows"}, "unknown", "so; grows with it", False),
+        ("unknown", {"grown": "grows"}, "unknown", "so; with free:x, the nearest description, grows", False),
         ("insufficient", {"missed": "yaw"}, "insufficient", "so", True),
     ],
 )
