@@ -35,6 +35,7 @@ from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
+    fitted_where_absent,
     refined,
     search_named,
     seeds_without,
@@ -231,6 +232,10 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)
     said = answer(everything, session, free)
+    profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
+    if profiles and fitted_where_absent(everything, said.chosen, profiles):
+        said = answer(everything, session, free)
+        profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
     progress("where they disagree", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
     found = Diagnosis(
@@ -244,7 +249,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         standing=said.standing,
         chosen=said.chosen,
         named=said.named,
-        profiles=profiles_of(everything, said.chosen) if said.verdict == "effect" else {},
+        profiles=profiles,
         separation=apart,
         leftover=said.leftover,
         terms=ready.terms,

@@ -12,6 +12,7 @@ from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_fr
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named, least_gain
 from evaluator.diagnosis.inference.fit import LAGGING, fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.profile_likelihood import Profile
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set, log_prior
 from evaluator.diagnosis.inference.settled_noise import common_noise, settled_noise, with_common_drift
@@ -29,6 +30,7 @@ from simulator.effects.coordinates import Candidate
 SWAP_SIGMAS = 10.0  # an effect within so many sigmas of one of the best set may replace it where it is nonlinear
 SWAPS = 4  # most such replacements to fit, nearest first; each costs a fit
 FREE_REFITTED, FREE_HOPELESS = 8, 3  # most free-form terms to fit; consecutive ones far below the best that end it
+NEARER = 0.5  # of the size of an effect: a profile on which it is smaller leads to where it may be absent
 PROMISING_FREE = 6.0  # gain in log evidence from which a free-form term is fitted; its prior costs eight
 
 
@@ -195,6 +197,27 @@ def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
     if leading[0] in whole.failed:  # the best set does not explain a held-out run: keep the fits without it
         return part.anew(terms=terms, fits=dict(part.fits))
     return whole
+
+
+def fitted_where_absent(search: Search, ids: Set, profiles: Mapping[str, Profile]) -> bool:
+    """Fit a set without an effect that profiles bring near its absence, from there; whether such a fit is better.
+
+    Where one effect replaces another along a bend, as a level of friction that of magnets, the fit without it may have
+    ended elsewhere, so that it seemed needed although its interval contains no effect at all.
+    """
+    fit, better = search.fits[ids], False
+    for column, item in enumerate(fit.columns):
+        if item.key not in ids or len(search.terms[item.key].coordinates) > 1:
+            continue
+        size, rest = abs(fit.point.value(item)), ids - {item.key}
+        for profile in profiles.values():
+            nearest = profile.best[int(np.argmin(np.abs(profile.best[:, column])))]
+            if abs(nearest[column]) > NEARER * size:
+                continue
+            there, before = fit.point.at(fit.columns, nearest), search.fits.get(rest)
+            fit_set(search, rest, {effect: there.terms[effect] for effect in rest}, replace(fit, point=there))
+            better |= search.fits.get(rest) is not before
+    return better
 
 
 def refit_without_held_out(part: Search, whole: Search, ids: Set) -> Fit:

@@ -39,6 +39,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     results = {
         "search_named": "named", "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
         "searched_on_ground": (part, whole), "separations": {"a": {}}, "profiles_of": {"a": "profile"},
+        "fitted_where_absent": False,
     }  # fmt: skip
     for name, result in results.items():
         monkeypatch.setattr(module, name, noted(name, result))
@@ -72,7 +73,7 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
     answering(monkeypatch, verdict, open_ground=open_ground)
     found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
     is_effect = verdict == "effect"
-    last = ["separations", "profiles_of"] if is_effect else [] if open_ground else ["_in_parts"]
+    last = ["profiles_of", "fitted_where_absent", "separations"] if is_effect else [] if open_ground else ["_in_parts"]
     assert [step for step, *_ in done] == steps + last
     assert (found.verdict, found.reason, found.chosen, found.held_out) == (verdict, "it pays", TILT, (1, 3))
     assert found.fit_search is not None
@@ -80,12 +81,28 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
     assert (found.profiles, found.separation) == (({"a": "profile"}, {"a": {}}) if is_effect else ({}, {}))
     assert found.terms == {"a": None}
     if is_effect:  # told apart from others is the set with names, profiled the answer
-        assert [given[2] for given in done[-2:]] == [frozenset("b"), TILT]
+        assert [given[2] for given in done[-3:]] == [TILT, TILT, frozenset("b")]
     if not open_ground:
         assert [given[1:] for given in done[:4]] == [
             (done[0][1], no_progress, ()), ("named", "start", no_progress), (found.fit_search, {"a": None}),
             (found.search, {"free:x": None}, no_progress),
         ]  # fmt: skip
+
+
+def test_an_answer_is_sought_again_where_a_set_without_one_of_its_effects_fits_better_than_known(
+    done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "effect", open_ground=False)
+    asked = []
+    said = module.answer(None, None, None)  # type: ignore[arg-type]
+    monkeypatch.setattr(module, "answer", lambda *_: asked.append(1) or said)
+    for better, times in ((False, 1), (True, 2)):
+        asked.clear()
+        done.clear()
+        monkeypatch.setattr(module, "fitted_where_absent", lambda *_, better=better: better)
+        _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+        assert len(asked) == times
+        assert [step for step, *_ in done].count("profiles_of") == times  # of the answer that stands
 
 
 def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so_far(

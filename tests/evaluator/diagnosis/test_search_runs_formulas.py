@@ -294,6 +294,33 @@ def test_fits_of_a_search_that_explains_its_runs_go_on_without_some_of_them(expl
         np.testing.assert_array_equal(fit.point.per_run, np.arange(21.0).reshape(3, 7)[[0, 2]])
 
 
+@pytest.mark.parametrize(("nearest", "fitted"), [(0.4, True), (-0.4, True), (0.6, False)])
+def test_a_set_is_fitted_without_an_effect_from_where_a_profile_brings_it_near_its_absence(
+    nearest: float, fitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A level of friction stood beside magnets, though its interval contained no effect: fits have several optima."""
+    search = searching({"": 0.0, "ab": 9.0})
+    for name in "ab":
+        term: Any = SimpleNamespace(id=name, stepwise=False, coordinates=(None,) * (1 + (name == "b")))
+        search.terms[name] = term  # type: ignore[index]
+    columns = [SimpleNamespace(key=name) for name in "ab"]
+    starts: list[Any] = []
+    point = SimpleNamespace(value=lambda _: 1.0, at=lambda _, at: Point(np.zeros((2, 7)), {}, {"b": tuple(at)}))
+    fit: Any = SimpleNamespace(columns=columns, point=point)
+    search.fits[frozenset("ab")] = fit
+    monkeypatch.setattr(search_runs, "replace", lambda _, point: point)
+
+    def fit_set(search: Search, ids: frozenset[str], values: Any, origin: Any) -> None:
+        starts.append((ids, values, origin.terms))
+        search.fits[ids] = fit
+
+    monkeypatch.setattr(search_runs, "fit_set", fit_set)
+    profile: Any = SimpleNamespace(best=np.array([[1.0, 5.0], [nearest, 7.0], [2.0, 8.0]]))
+    better = search_runs.fitted_where_absent(search, frozenset("ab"), {"b": profile})
+    assert better == fitted  # of the effect with two coordinates none is left out
+    assert starts == fitted * [(frozenset("b"), {"b": (nearest, 7.0)}, {"b": (nearest, 7.0)})]
+
+
 def test_a_robot_that_recalibration_makes_implausible_is_searched_by_seconds_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
