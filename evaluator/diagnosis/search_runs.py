@@ -70,7 +70,7 @@ def search_named(ready: Prepared, progress: Progress, seeds: Sequence[Fit] = ())
 def seeds_without(part: Search, runs: Collection[int]) -> list[Fit]:
     """The best fits of a search that explains its runs, as initial values of a search without some of the runs.
 
-    None if it does not explain them: what the runs did to it is then unknown, and the others are searched anew.
+    Empty if it does not explain them: what the runs did to it is then unknown, and the others are searched anew.
     """
     if part.explained == -np.inf:
         return []

@@ -27,7 +27,7 @@ from evaluator.diagnosis.mistakes.motion import (
     motion_of,
     onset,
 )
-from evaluator.diagnosis.mistakes.outrun import BRIEF_S, PUSHED_SHARE, outruns_its_wheels
+from evaluator.diagnosis.mistakes.outrun import BRIEF_S, PUSHED_SHARE, outruns_its_wheels, rolls_mm_s
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
 from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
@@ -146,9 +146,10 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             found.append(_jumping(run, *moved))
             continue
         moving = [phase for phase in mine if id(phase) not in standing]
-        outrun = outruns_its_wheels(run, robot)
         by_phase = (_disturbance(phase) or _carried_off(phase) for phase in moving)
-        found += [item for item in (outrun, *(() if outrun else by_phase)) if item is not None][:1]
+        first = outruns_its_wheels(run, robot) or next((item for item in by_phase if item is not None), None)
+        if first is not None:
+            found.append(first)
     return found
 
 
@@ -202,10 +203,9 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     """How far a run gets from its first place, over the path that its faster wheels would roll; infinite at rest."""
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     seconds = end - max(run.start_s, float(run.time_s[0]))
-    faster = unsigned_rpm(run.left_rpm, run.right_rpm)[1]
-    if seconds <= 0 or not faster:
+    rolled = rolls_mm_s(run.left_rpm, run.right_rpm, robot) * seconds
+    if seconds <= 0 or not rolled:
         return np.inf
-    rolled = faster * 2 * np.pi * robot.driving_radius_mm / 60 * seconds
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
     off = seen - seen[0]
     return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95)) / rolled

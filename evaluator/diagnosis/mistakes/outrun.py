@@ -18,6 +18,11 @@ BRIEF_S = 0.5  # a robot moves by one or two millimetres meanwhile: too little f
 STEADIED = 7  # frames of a median, which three wrong ones do not move
 
 
+def rolls_mm_s(left_rpm: float, right_rpm: float, robot: Robot) -> float:
+    """Speed of the rims of the faster side at a command, mm/s, never negative."""
+    return unsigned_rpm(left_rpm, right_rpm)[1] * 2 * np.pi * robot.driving_radius_mm / 60
+
+
 def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     """A brief time in which a robot gets much farther than its wheels roll, also soon after its start.
 
@@ -28,15 +33,14 @@ def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     driven = run.run_command.driven
     if run.from_poses or not driven:
         return None
-    fastest_rpm = max(unsigned_rpm(item.left_rpm, item.right_rpm)[1] for item in driven)
-    rolls_mm_s = fastest_rpm * 2 * np.pi * robot.driving_radius_mm / 60
+    fastest_mm_s = max(rolls_mm_s(item.left_rpm, item.right_rpm, robot) for item in driven)
     time, middle, _ = midpoint_and_heading(run)
     inside = (time >= driven[0].begin_s) & (time <= driven[-1].end_s)
     time, middle = time[inside], middle[inside]
-    if len(time) < 2 * STEADIED or not rolls_mm_s:
+    if len(time) < 2 * STEADIED or not fastest_mm_s:
         return None
     first_s, later_s, moved = _ways(time, middle)
-    rolled = rolls_mm_s * (later_s - first_s)
+    rolled = fastest_mm_s * (later_s - first_s)
     outrun = moved > PUSHED_SHARE * rolled + LEAST_LEAP_MM
     if not outrun.any() or np.mean(outrun) > 0.5 or np.ptp(first_s[outrun]) > BRIEF_S:
         return None

@@ -20,7 +20,7 @@ RATES = (0.5, 2.0, 0.25, 4.0, 0.125, 8.0, 30 / 25, 25 / 30, 60 / 25, 25 / 60, 30
 SAME = 1e-6  # of a value of two logs, or of a second or rpm: rounding in a file
 # Factors of the speed of one side: a decimal point in a wrong place, a sign forgotten; or wheels that stand.
 MISTYPED = {0.1: "the decimal point", 10.0: "the decimal point", -1.0: "the sign", 0.0: "whether a motor is off"}
-RATE_TIMES = 5.0  # a start that a wrong rate moves is known to a fifth of that, which a late one meets once in a while
+RATE_TIMES = 5.0  # a start moved by a wrong rate lies within a fifth of the move; a late one does so by chance only
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 

@@ -292,16 +292,14 @@ def _judged(
     kind = next(iter(supported), next(iter(near)))
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
-    stated_mm = f"distance of simulated and measured marks: {stated:.2g} mm as stated in the file"
-    apart = f"{stated_mm}, {best:.2g} mm when corrected"
+    apart = f"distance of simulated and measured marks: {stated:.2g} mm as stated in the file, {best:.2g} mm when "
     if best > good_mm:
-        seen = (
-            f"contradicts its file, and no usual mistake fits; the nearest: {words} ({apart}, at most {good_mm:.2g} mm"
-        )
-        remedy = "check what was commanded, and inspect the recording"
-        return Found(ways[0].run.id, kind, f"{seen} in the other runs)", remedy, others)
+        evidence = f"{words} ({apart}corrected, at most {good_mm:.2g} mm in the other runs)"
+        seen = f"contradicts its file, and no usual mistake fits; the nearest: {evidence}"
+        return Found(ways[0].run.id, kind, seen, "check what was commanded, and inspect the recording", others)
+    seen, correction = f"{words} ({apart}corrected)", correction_to(near[kind][1], ways[0])
     remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
-    return Found(ways[0].run.id, kind, f"{words} ({apart})", remedy, others, correction_to(near[kind][1], ways[0]))
+    return Found(ways[0].run.id, kind, seen, remedy, others, correction)
 
 
 REMEDIES: dict[Kind, str] = {
