@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.motion import Onset
+from evaluator.diagnosis.mistakes.motion import Onset, onset
 from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from evaluator.diagnosis.mistakes.start.rising_command import motors_on, onset_after_start
 from evaluator.interchange.commands import RunCommand
@@ -91,3 +91,28 @@ def test_a_log_with_stairs_waits_for_the_stair_above_the_dead_band() -> None:
     stairs = RunCommand(Command(np.array([START_S, 1.5, 1.5]), rpm, rpm), logged=True)
     late = replace(constant(9, 1.5), log=stairs, left_rpm=40.0, right_rpm=40.0)
     assert late_starts([late, *others], [ROBOT] * 5) == []
+
+
+def soft(number: int, begins_s: float, noise_mm: float = 0.005) -> RunData:
+    """A run at a constant command whose drive reaches its speed of 2 mm/s evenly within 0.8 s."""
+    since = np.maximum(TIME - begins_s, 0.0)
+    way = np.where(since < 0.8, 1.25 * since**2, 2.0 * since - 0.8)
+    run = recorded(moving(way * (since > 0), 1.0, 0.0), TIME, noise_mm=noise_mm)
+    return replace(run, id=f"soft{number}", start_s=START_S)
+
+
+@pytest.mark.parametrize("noise_mm", [0.001, 0.005, 0.01])
+def test_a_drive_that_starts_softly_is_not_late_beside_others_that_start_at_once(noise_mm: float) -> None:
+    others = [constant(k, START_S) for k in range(4)]
+    assert late_starts([soft(0, START_S, noise_mm), *others], [ROBOT] * 5) == []
+    (found,) = late_starts([soft(0, START_S + 0.3, noise_mm), *others], [ROBOT] * 5)
+    assert found.correction is not None
+    assert found.correction.later_s == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize("noise_mm", [0.001, 0.01, 0.05])
+def test_a_start_at_once_is_not_taken_for_a_soft_one(noise_mm: float) -> None:
+    marks = moving(np.maximum(TIME - START_S, 0.0), 2.0, 0.2)
+    begins = onset(recorded(marks, TIME, noise_mm=noise_mm))
+    assert begins is not None
+    assert begins.softly_s is None

@@ -39,6 +39,13 @@ class _Begun:
         expected_s = run.start_s + onset_after_start(run, begins, run.start_s)
         return cls(run, begins, begins.time_s - expected_s, motors_on(run, begins) - run.start_s)
 
+    def later_than(self, usual_s: float) -> float:
+        """By how much the run starts later than a usual delay, s: not late if it moves softly from its start on."""
+        later_s, softly_s = self.later_s - usual_s, self.onset.softly_s
+        if softly_s is None or later_s <= 0:
+            return later_s
+        return min(later_s, max(softly_s - self.run.start_s, 0.0))
+
     @property
     def rpm(self) -> float:
         """Command of the faster wheel at the onset, from which its motor turns at the latest."""
@@ -80,7 +87,7 @@ def _unlike_the_others(begun: Sequence[_Begun]) -> list[Found]:
     in_time: list[_Begun] = []
     for item in begun:
         no_lag = usual > (SLOWEST_S if item.run.start_is_stated else MOTORS_S)
-        later_s = item.later_s - (0.0 if no_lag else usual)
+        later_s = item.later_than(0.0 if no_lag else usual)
         least_s = max(LATE_S, LATE_SIGMAS * item.onset.sigma_s, 0.0 if no_lag else LATE_SPREADS * spread)
         if abs(later_s) > least_s:
             off.append((item, later_s, no_lag and not item.run.start_is_stated))
