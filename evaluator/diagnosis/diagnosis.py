@@ -17,7 +17,7 @@ from evaluator.diagnosis.assessment.sole_run import (
     sole_run,
 )
 from evaluator.diagnosis.design.next_runs import best_next_runs
-from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs
+from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspected_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit
@@ -228,6 +228,10 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         if diverging := diverging_runs(part):
             rest = session.leaving_out(diverging, DIVERGING)
             return _searched(rest, progress, fits, seeds_without(part, diverging))
+        if suspected := suspected_runs(part):
+            found = _searched(session.leaving_out(suspected, DIVERGING), progress, fits)
+            if found.verdict in ("none", "effect"):
+                return found
         part = refined(part, ready.start, progress)
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)

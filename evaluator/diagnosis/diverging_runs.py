@@ -7,17 +7,18 @@ no linear view of it holds: its residuals would be explained by any effect that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.experiment import shortcomings
 from evaluator.diagnosis.inference.fit import EXPLAINED
-from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
+from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.mistakes.outlying import has_similar_runs
 
 # Share by which the slopes of a run change within one step of all values; a step of a friction is a hundredth of its
 # usual tolerance. Of the runs of five experiments two turns reached 0.9 and 1.3, on a plate with a grain; the others
@@ -26,6 +27,7 @@ DIVERGES = 0.5
 # Misfit of a run over the median of all from which it stands out where no model explains the runs: a robot that a
 # magnet had captured in one run, and not in the model, had 85 times the median, the others at most 1.4 times.
 STANDS_OUT = 10.0
+TRIED = 3  # fits at which runs are suspected: where none converges, a run is on the wrong path at some, at others on none
 DIVERGING = (
     "its motion diverges: a change of friction far below its tolerance leads to another path, so that the run shows "
     "nothing about the model"
@@ -49,14 +51,37 @@ def diverging_runs(search: Search) -> list[int]:
         squares, freedom = best.misfits
         misfit = squares / freedom
         runs, most = [best.runs[k] for k in np.flatnonzero(misfit > STANDS_OUT * np.median(misfit))], most_odd(count)
-    found = _diverging_at(problem, best, runs)
-    others = [data for run, data in enumerate(problem.data) if run not in found]
-    return [] if len(found) > most or shortcomings(others) else found
+    found = _diverging_at(problem, best.point, best.columns, runs)
+    return [] if len(found) > most or not _suffice_without(problem, found) else found
 
 
-def _diverging_at(problem: Problem, fit: Fit, runs: Sequence[int]) -> list[int]:
-    """Those of some runs that diverge at the point of a fit."""
-    point, columns = fit.point, fit.columns
+def suspected_runs(search: Search) -> list[int]:
+    """Indices of the runs that may diverge and keep every model of a search from explaining the others.
+
+    They diverge at one of the most probable fits, or there with the nominal friction of each run; so do all runs of a
+    similar command, as two of the same pivot. Fits do not converge beside them, so that their misfit tells nothing.
+    Whether they are the cause, a search without them shows. None if a fit explains the runs, on open ground, or if more
+    than half of the runs are suspected, or too few are left.
+    """
+    problem = search.problem
+    if problem.open_ground or search.explained > -np.inf:
+        return []
+    data = problem.data
+    found: set[int] = set()
+    for fit in search.initial(TRIED):
+        for point in (fit.point, fit.point.without_scatter()):
+            found.update(_diverging_at(problem, point, fit.columns, range(len(data))))
+    found |= {k for k in range(len(data)) if any(has_similar_runs(data[k], [data[run]]) for run in found)}
+    return sorted(found) if 2 * len(found) <= len(data) and _suffice_without(problem, found) else []
+
+
+def _suffice_without(problem: Problem, runs: Collection[int]) -> bool:
+    """Whether the runs of an experiment suffice without some of them."""
+    return not shortcomings([data for run, data in enumerate(problem.data) if run not in runs])
+
+
+def _diverging_at(problem: Problem, point: Point, columns: Sequence[Column], runs: Sequence[int]) -> list[int]:
+    """Those of some runs that diverge at a point of a fit with these columns."""
     both = [
         column
         for column in columns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,13 @@ from simulator.effects.coordinates import Candidate, Coordinate
 DRIFT = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 2.5),), lambda values: {"size": values[0]})
 COLUMN = Column("drift", 0, DRIFT)
 START = np.eye(5)[:, :3]
+
+
+def driving(rpm: float) -> Any:
+    """A run at a constant command of its own; runs at 1 and 2 rpm are not alike."""
+    stretch = SimpleNamespace(left_rpm=rpm + 1.0, right_rpm=-rpm - 1.0)
+    command = SimpleNamespace(driven=[stretch], stages=[stretch])
+    return SimpleNamespace(left_rpm=rpm + 1.0, right_rpm=-rpm - 1.0, run_command=command)
 
 
 def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
@@ -36,7 +44,7 @@ def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
     view = Linearized(np.zeros(5), np.zeros((5, 0)), START, np.zeros((5, 4)))
     problem = SimpleNamespace(
         open_ground=changes.get("open_ground", False),
-        data=range(runs),
+        data=[driving(rpm) for rpm in changes.get("rpm", range(runs))],
         features=features,
         attempted=lambda _, __, chosen: [changes.get("view", view)] * len(chosen),
     )
@@ -50,7 +58,13 @@ def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
         columns=(COLUMN,),
     )
     fits = {frozenset({"drift"}): best}
-    return SimpleNamespace(problem=problem, fits=fits, ranked=lambda: [frozenset({"drift"})], initial=lambda _: [best])
+    return SimpleNamespace(
+        problem=problem,
+        fits=fits,
+        ranked=lambda: [frozenset({"drift"})],
+        initial=lambda most: [best, *changes.get("rivals", ())][:most],
+        explained=changes.get("explained", -np.inf),
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -100,3 +114,49 @@ def test_what_ends_at_a_bound_within_a_step_is_not_varied(monkeypatch: pytest.Mo
     assert diverging_runs.diverging_runs(search) == [0]
     monkeypatch.setattr(search.fits[frozenset({"drift"})], "columns", (Column("drift", 0, near),))
     assert diverging_runs.diverging_runs(search) == []
+
+
+def at_drift(size: float, fit: Any) -> Any:
+    """The fit at another drift, which did not converge."""
+    return SimpleNamespace(point=replace(fit.point, terms={"drift": (size,)}), columns=fit.columns)
+
+
+def test_where_no_model_explains_the_runs_those_that_diverge_at_one_of_the_best_fits_are_suspected() -> None:
+    assert diverging_runs.suspected_runs(search_of([1.0] * 4, [0.0, 9.0, 0.0, 0.0], converged=False)) == [1]
+    assert diverging_runs.suspected_runs(search_of([1.0] * 4, [0.0] * 4, converged=False)) == []
+
+
+def test_runs_of_the_command_of_one_that_diverges_are_suspected_with_it() -> None:
+    assert diverging_runs.suspected_runs(search_of([1.0] * 4, [9.0, 0.0, 0.0, 0.0], rpm=[3, 9, 3, 30])) == [0, 2]
+
+
+def test_a_run_may_diverge_at_a_rival_alone_or_at_the_friction_that_all_runs_share(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = search_of([1.0] * 6, [0.0] * 6)
+    best = search.initial(1)[0]
+    scattered = np.zeros((6, 7))
+    scattered[:, 3:] = 0.1
+    best.point = replace(best.point, per_run=scattered)
+    search.initial = lambda most: [best, *(at_drift(size, best) for size in (3.0, 4.0, 5.0))][:most]
+    met = {(2.0, True): [0], (2.0, False): [1], (3.0, True): [2], (5.0, True): [4]}  # the fourth fit is not tried
+    monkeypatch.setattr(
+        diverging_runs,
+        "_diverging_at",
+        lambda _, point, *__: met.get((point.terms["drift"][0], bool(point.per_run.any())), []),
+    )
+    assert diverging_runs.suspected_runs(search) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "bends"),
+    [({"open_ground": True}, [9.0, 0.0, 0.0]), ({"explained": -3.0}, [9.0, 0.0, 0.0]), ({}, [9.0, 9.0, 0.0])],
+)
+def test_none_is_suspected_on_open_ground_or_beside_a_model_that_explains_or_if_that_were_most_runs(
+    changes: Any, bends: list[float]
+) -> None:
+    assert diverging_runs.suspected_runs(search_of([1.0] * 3, bends, **changes)) == []
+
+
+def test_none_is_suspected_without_which_too_few_runs_are_left() -> None:
+    assert diverging_runs.suspected_runs(search_of([1.0] * 2, [9.0, 0.0])) == []

@@ -46,6 +46,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
     monkeypatch.setattr(module, "reviewed", lambda found, start: (found, start)[0])
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
+    monkeypatch.setattr(module, "suspected_runs", lambda _: [])
     monkeypatch.setattr(module, "_in_parts", lambda found, _: steps.append(("_in_parts", found)) or found)
     return steps
 
@@ -120,6 +121,19 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
     assert found.session.left_out == {"r1": DIVERGING}
     assert found.held_out == (1,)  # the second of the three that remain
+
+
+@pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient"])
+def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
+    verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, verdict, open_ground=False)
+    told = iter([[1, 2], [], []])
+    monkeypatch.setattr(module, "suspected_runs", lambda _: next(told))
+    found = _diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
+    explained = verdict in ("effect", "none")
+    assert [run.id for run in found.session.data] == (["r0", "r3", "r4"] if explained else [f"r{k}" for k in range(5)])
+    assert found.session.left_out == ({"r1": DIVERGING, "r2": DIVERGING} if explained else {})
 
 
 @pytest.mark.parametrize("few", [False, True])
