@@ -108,7 +108,8 @@ def _quantities(rows: pd.DataFrame, *, straight: bool) -> list[tuple[str, Array,
     def column(name: str) -> Array:
         return rows[name].to_numpy(float)
 
-    found = [("speed", np.abs(column("speed_mm_s")), column("speed_sigma_mm_s"))]
+    noise = "speed_random_mm_s" if "speed_random_mm_s" in rows else "speed_sigma_mm_s"  # of an earlier version
+    found = [("speed", np.abs(column("speed_mm_s")), column(noise))]
     if not straight:
         return [("radius", np.abs(column("radius_mm")), column("radius_random_mm")), *found]
     if "curvature_per_mm" not in rows:  # results of an earlier version

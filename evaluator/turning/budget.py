@@ -83,7 +83,7 @@ def uncertainty_budget(
     poses, turning = measured(geometry, marks, camera)
     found = [_noise(poses, turning)]
     if camera is not None and geometry.height_mm is not None:
-        found += _of_camera(lambda through: measured(geometry, marks, through), camera, geometry.height_mm)
+        found += _of_camera(lambda through: measured(geometry, marks, through), camera)
     moved = [measured(places, marks, camera) for places in _moved(geometry, known.mark_position_mm)]
     found.append(_between("positions of the marks in robot.toml", (poses, turning), moved))
     if camera is not None and geometry.height_mm is not None and _placed(marks, geometry):
@@ -98,13 +98,11 @@ def uncertainty_budget(
 def _noise(poses: Poses, turning: Turning) -> Contribution:
     heading = np.degrees(np.sqrt(np.median(poses.covariance[poses.measured, 2, 2])))
     return Contribution(
-        "noise of the marks, frame by frame", turning.radius_random_mm, turning.speed_sigma_mm_s, float(heading)
+        "noise of the marks, frame by frame", turning.radius_random_mm, turning.speed_random_mm_s, float(heading)
     )
 
 
-def _of_camera(
-    through: Callable[[Camera], tuple[Poses, Turning]], camera: Camera, height_mm: float
-) -> list[Contribution]:
+def _of_camera(through: Callable[[Camera], tuple[Poses, Turning]], camera: Camera) -> list[Contribution]:
     """Contributions of tracking errors common to all frames, of the gauge images, and of the gauge's pitch.
 
     Each camera has one source of uncertainty less than the previous one; the contributions are the differences of the
@@ -116,8 +114,8 @@ def _of_camera(
     found, before = [], np.zeros(3)
     for name, one in zip(names, (perfect, exact, camera), strict=True):
         poses, turning = through(one)
-        speed = abs(turning.speed_mm_s) * one.scale_sigma(height_mm)
-        total = np.array([turning.radius_systematic_mm, speed, _common_heading_deg(poses)]) ** 2
+        speed = turning.speed_sigma_mm_s**2 - turning.speed_random_mm_s**2
+        total = np.array([turning.radius_systematic_mm**2, speed, _common_heading_deg(poses) ** 2])
         radius, speed, heading = np.sqrt(np.maximum(total - before, 0))
         found.append(Contribution(name, float(radius), float(speed), float(heading)))
         before = total

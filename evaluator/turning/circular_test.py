@@ -69,7 +69,7 @@ class CircularTest:
 def circular_test(
     turns: pd.DataFrame, wheelbase_mm: float, track_mm: float, like: CircularTest | None = None
 ) -> CircularTest:
-    """Evaluate turns, one row each with COLUMNS of turning.csv; yaw_rate_sigma_deg_s and speed_sigma_mm_s are used.
+    """Evaluate turns, one row each with COLUMNS of turning.csv; yaw_rate_random_deg_s and speed_random_mm_s are used.
 
     like: a test whose series are to be evaluated for the same runs; without it, runs are grouped into series. Straight
     runs, turns on the spot and rows without a speed are left out. Raises InputError if columns are missing or no turn
@@ -105,7 +105,7 @@ def _points(turns: pd.DataFrame, track_mm: float) -> pd.DataFrame:
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature, ratio = np.abs(yaw) / speed, np.sign(left * right) * slower / faster
         noise = np.hypot(
-            np.radians(_sigma(turns, "yaw_rate_sigma_deg_s")) / np.abs(yaw), _sigma(turns, "speed_sigma_mm_s") / speed
+            np.radians(_sigma(turns, "yaw_rate_random_deg_s")) / np.abs(yaw), _sigma(turns, "speed_random_mm_s") / speed
         )
     # sideslip out of the turn is positive for both sides and directions
     outward = -np.sign(commanded) * turns["body_slip_angle_deg"].to_numpy(float)

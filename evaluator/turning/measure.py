@@ -102,7 +102,7 @@ def _with_steady_turn(
     regions = [names == name for name in ("transient", "steady", "stop")]
     sustained = sustained_turn(time, scaled, regions, fit)
     seen = replace(seen, share_used=float(fit.used.sum() / total))
-    rate = _path_rate(fit, time[steady], stretched[steady])
+    rate = _path_rate(fit, time[steady], part(scaled, steady))
     seen = _with_speeds(_with_radii(seen, fit, sustained), fit, rate)
     ratio = np.hypot(*fit.body_twist(scaled.offset_mm)[:2]) / max(np.hypot(*fit.body_twist(np.zeros(2))[:2]), 1e-300)
     point_speed = float(ratio) * abs(seen.speed_mm_s)  # of the point whose path is `stretched`
@@ -176,9 +176,9 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
     )
 
 
-def _path_rate(fit: TurnFit, time: Array, stretched: Array) -> Rate:
-    """Rate of the path parameter, mm/s, with its uncertainty by noise and its gradient by the fitted motion."""
-    interval = float(np.median(np.diff(time)))
+def _path_rate(fit: TurnFit, time: Array, scaled: Scaled) -> Rate:
+    """Rate of the path parameter, mm/s, its uncertainty by noise and camera, and its gradient by the fitted motion."""
+    interval, stretched = float(np.median(np.diff(time))), scaled.stretched_mm
     ticks = (time[fit.used] - time[fit.used].mean()) / interval
     along = fit.ahead * fit.motion.along_mm[fit.used, None]
     clock = averaged_least_squares(
@@ -193,18 +193,23 @@ def _path_rate(fit: TurnFit, time: Array, stretched: Array) -> Rate:
         )
         gradient.append(fit.ahead * np.polyfit(ticks, ahead - behind, 1)[0] / (2 * delta * interval))
     value, sigma = float(clock.mean()[1]), float(np.sqrt(clock.spread()[1, 1]))
-    return Rate(value / interval, sigma / interval, tuple(gradient))
+    shifts = np.zeros((len(ticks), 0)) if scaled.systematic is None else fit.motion.twist @ scaled.systematic[fit.used]
+    systematic = fit.ahead * np.polyfit(ticks, shifts, 1)[0] / interval if shifts.size else ()
+    return Rate(value / interval, sigma / interval, tuple(gradient), tuple(systematic))
 
 
 def _with_speeds(seen: Turning, fit: TurnFit, rate: Rate) -> Turning:
     def speeds(twist: Array) -> Array:
         return np.array([np.copysign(np.hypot(twist[0], twist[1]), twist[0]), np.degrees(twist[2])])
 
-    (speed, yaw), (speed_sigma, yaw_sigma) = with_sigmas(speeds, fit, rate)
+    (speed, yaw), random, systematic = with_sigmas(speeds, fit, rate)
+    speed_sigma, yaw_sigma = np.hypot(random, systematic)
     return replace(
         seen,
         speed_mm_s=float(speed),
         yaw_rate_deg_s=float(yaw),
         speed_sigma_mm_s=float(speed_sigma),
         yaw_rate_sigma_deg_s=float(yaw_sigma),
+        speed_random_mm_s=float(random[0]),
+        yaw_rate_random_deg_s=float(random[1]),
     )

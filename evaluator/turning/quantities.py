@@ -54,12 +54,14 @@ class RobotShape:
 class Rate:
     """Growth of the path parameter in time, mm/s, and its standard uncertainty by noise along the path.
 
-    gradient: derivative by the four parameters of the motion, along which the frames are projected.
+    gradient: derivative by the four parameters of the motion, along which the frames are projected. systematic: its
+    shifts by the independent errors of the camera, (k,), at the estimated motion.
     """
 
     value: float
     sigma: float
     gradient: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    systematic: tuple[float, ...] = ()
 
 
 def slip_angle_deg(velocity: Array) -> float:
@@ -95,20 +97,21 @@ def body_quantities(
         result["outer_wheel_radius_mm"] = float(np.linalg.norm(wheels - rotation, axis=1).max())
         result["wall_to_wall_radius_mm"] = float(np.linalg.norm(shape.corners_mm() - rotation, axis=1).max())
     names = list(_slips(twist, shape, rpm))
-    values = with_sigmas(lambda moved: np.array(list(_slips(moved, shape, rpm).values())), fit, rate)
+    slips, *parts = with_sigmas(lambda moved: np.array(list(_slips(moved, shape, rpm).values())), fit, rate)
     others: dict[str, float] = {}
-    for name, slip, sigma in zip(names, *values, strict=True):
+    for name, slip, sigma in zip(names, slips, np.hypot(*parts), strict=True):
         stem = name.removesuffix("_deg")
         row = result if name in USUAL_SLIPS else others
         row |= {name: float(slip), f"{stem}_sigma{'_deg' if stem != name else ''}": float(sigma)}
     return result | {"other_wheels": others}
 
 
-def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array]:
+def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array, Array]:
     """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), with their standard uncertainties.
 
-    Noise along the path affects the rate, and noise across it the direction, independently. Of the camera, only its
-    effect on the direction is included: its effect on speed is an error of scale, equal for all runs.
+    The first of these is from noise, (k,), the second from the camera, (k,). Noise along the path affects the rate, and
+    noise across it the direction, independently. An error of the camera affects both at once: one of scale makes the
+    speed wrong and the curvature inversely, but not the yaw rate.
     """
     delta, here = 1e-6, fit.averaged.mean()
 
@@ -121,10 +124,10 @@ def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) 
         for step, change in zip(steps, along, strict=True)
     ]
     gradient = np.stack([after - before for after, before in ends]) / (2 * delta)
-    by_rate = (at(here, rate.value + rate.sigma) - at(here, rate.value - rate.sigma)) / 2
+    by_rate = (at(here, rate.value + delta) - at(here, rate.value - delta)) / (2 * delta)
     noise = np.einsum("pi,pq,qi->i", gradient, fit.averaged.spread(), gradient)
-    sigma = np.sqrt(noise + ((fit.systematic.T @ gradient) ** 2).sum(axis=0) + by_rate**2)
-    return at(here, rate.value), np.asarray(sigma)
+    by_camera = fit.systematic.T @ gradient + np.outer(rate.systematic, by_rate)
+    return at(here, rate.value), np.sqrt(noise + (by_rate * rate.sigma) ** 2), np.linalg.norm(by_camera, axis=0)
 
 
 def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:

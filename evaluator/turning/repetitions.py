@@ -109,7 +109,7 @@ def _row(key: Key, rows: pd.DataFrame, side: str, note: str) -> dict[str, Any]:
     result |= {"curvature_per_mm": curvature.mean}
     result |= {"curvature_low_per_mm": curvature.low, "curvature_high_per_mm": curvature.high}
     for stem, unit, sigma in (
-        ("speed", "_mm_s", "speed_sigma_mm_s"),
+        ("speed", "_mm_s", "speed_random_mm_s"),
         ("path_efficiency", "", ""),
         ("smoothness", "", ""),
     ):

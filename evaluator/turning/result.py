@@ -25,7 +25,8 @@ class Turning:
     between quarter turns, noise subtracted. radius_random_mm, radius_systematic_mm: standard uncertainties from noise,
     reduced by more frames, and from the camera, reduced by a better calibration only; the bounds include both.
 
-    Speeds are positive forward, yaw rate and curvature positive counter-clockwise; their sigmas are from noise alone.
+    Speeds are positive forward, yaw rate and curvature positive counter-clockwise; their sigmas include noise and
+    camera. speed_random_mm_s, yaw_rate_random_deg_s: from noise alone, for runs that share a camera.
     center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: its standard deviation between
     quarter turns, noise subtracted; rotation_x_mm, rotation_y_mm: its position in the body frame. Radii of the marks,
     of the outermost wheel and of the outermost corner (wall to wall) follow SAE J695.
@@ -57,6 +58,8 @@ class Turning:
     yaw_rate_deg_s: float = NAN
     speed_sigma_mm_s: float = NAN
     yaw_rate_sigma_deg_s: float = NAN
+    speed_random_mm_s: float = NAN
+    yaw_rate_random_deg_s: float = NAN
     curvature_per_mm: float = NAN
     curvature_low_per_mm: float = NAN
     curvature_high_per_mm: float = NAN
@@ -140,7 +143,7 @@ class Turning:
         return f"<table>{''.join(f'<tr><th>{name}</th><td>{value}</td></tr>' for name, value in rows.items())}</table>"
 
     def with_scale(self, sigma: float) -> Turning:
-        """Bounds and systematic parts widened by a relative standard uncertainty of the unit of length."""
+        """Bounds, systematic parts and speed_sigma_mm_s widened by a relative uncertainty of the unit of length."""
 
         def wider(value: float, low: float, high: float) -> tuple[float, float]:
             reach = Z_975 * sigma * abs(value)
@@ -158,6 +161,7 @@ class Turning:
             steady_radius_high_mm=steady[1],
             curvature_low_per_mm=curvature[0],
             curvature_high_per_mm=curvature[1],
+            speed_sigma_mm_s=math.hypot(self.speed_sigma_mm_s, sigma * self.speed_mm_s),
         )
 
     def to_row(self) -> dict[str, float | str | bool]:

@@ -132,6 +132,7 @@ def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
     monkeypatch.setattr(module, "suspected_runs", lambda _: next(told))
     found = _diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
     explained = verdict in ("effect", "none")
+    assert [step for step, *_ in done].count("search_named") == 2
     assert [run.id for run in found.session.data] == (["r0", "r3", "r4"] if explained else [f"r{k}" for k in range(5)])
     assert found.session.left_out == ({"r1": DIVERGING, "r2": DIVERGING} if explained else {})
 

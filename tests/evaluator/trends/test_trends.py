@@ -92,7 +92,7 @@ def session(folder: Path, day: str | None, radius: float, speed: float = 1.0, ef
             "radius_random_mm": 0.002,
             "radius_systematic_mm": 0.001,
             "speed_mm_s": speed + 0.0005 * rng.standard_normal(),
-            "speed_sigma_mm_s": 0.0002,
+            "speed_random_mm_s": 0.0002,
             "group": "",
         }
         for run, (left, factor) in enumerate([(33.3, 1.0), (25.0, 2.0)] * 3)

@@ -79,7 +79,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 def test_stated_noise_widens_an_interval_that_the_scatter_leaves_narrow() -> None:
     table = turns(all_ways((10.0, 15.0, 20.0), 0.5, repetitions=1))
     sure = evaluated(table).series[0].understeer
-    table["yaw_rate_sigma_deg_s"] = 0.01 * table["yaw_rate_deg_s"].abs()
+    table["yaw_rate_random_deg_s"] = 0.01 * table["yaw_rate_deg_s"].abs()
     unsure = evaluated(table).series[0].understeer
     assert unsure.high - unsure.low > 10 * (sure.high - sure.low)
 

@@ -113,13 +113,17 @@ def test_uncertainty_of_a_linear_quantity_is_that_of_steps_camera_and_rate_in_qu
         body_twists=lambda steps, _: base + steps @ by_step,
         systematic=systematic,
     )
-    rate: Any = SimpleNamespace(value=1.7, sigma=0.3, gradient=gradient)
-    values, sigmas = with_sigmas(lambda twist: quantity @ twist, fit, rate)
+    shift = rng.normal(size=systematic.shape[1])
+    rate: Any = SimpleNamespace(value=1.7, sigma=0.3, gradient=gradient, systematic=shift)
+    values, random, by_camera = with_sigmas(lambda twist: quantity @ twist, fit, rate)
     twist = base + mean @ by_step
     np.testing.assert_allclose(values, quantity @ twist * 1.7)
     slope = by_step @ quantity.T * 1.7 + np.outer(gradient, quantity @ twist)
-    variance = ((root.T @ slope) ** 2).sum(axis=0) + ((systematic.T @ slope) ** 2).sum(axis=0)
-    np.testing.assert_allclose(sigmas, np.sqrt(variance + (0.3 * quantity @ twist) ** 2), rtol=1e-6)
+    noise = ((root.T @ slope) ** 2).sum(axis=0) + (0.3 * quantity @ twist) ** 2
+    np.testing.assert_allclose(random, np.sqrt(noise), rtol=1e-6)
+    # an error of the camera turns the motion and stretches its path at once
+    together = systematic.T @ slope + np.outer(shift, quantity @ twist)
+    np.testing.assert_allclose(by_camera, np.linalg.norm(together, axis=0), rtol=1e-6)
 
 
 def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:

@@ -23,7 +23,7 @@ def runs_of(left: float, right: float, radii: list[float], motion: dict[str, flo
             "curvature_per_mm": curvature,
             "curvature_low_per_mm": curvature - 1e-4,
             "curvature_high_per_mm": curvature + 1e-4,
-            "speed_sigma_mm_s": 0.001,
+            "speed_random_mm_s": 0.001,
             "path_efficiency": 1.0,
             "smoothness": -2.0,
             **motion,

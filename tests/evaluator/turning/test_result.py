@@ -27,6 +27,7 @@ TURN = Turning(
     steady_radius_low_mm=7.8,
     steady_radius_high_mm=8.3,
     speed_mm_s=-2.0,
+    speed_sigma_mm_s=0.03,
     yaw_rate_deg_s=20.0,
     turned_deg=300.0,
     curvature_per_mm=-0.2,
@@ -52,6 +53,7 @@ def test_unit_of_length_known_to_a_share_widens_each_bound_by_that_share_in_quad
         (-0.2 - np.hypot(0.01, curvature), -0.2 + np.hypot(0.02, curvature))
     )
     assert wide.radius_systematic_mm == pytest.approx(np.hypot(0.03, 0.1))
+    assert wide.speed_sigma_mm_s == pytest.approx(np.hypot(0.03, 0.04))
     assert (wide.radius_mm, wide.curvature_per_mm, wide.speed_mm_s) == (5.0, -0.2, -2.0)
 
 

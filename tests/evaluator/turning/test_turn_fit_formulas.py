@@ -93,7 +93,7 @@ def test_path_parameter_grows_with_the_speed_of_the_scaled_pose_and_follows_the_
     _, covariance = correlated_poses(60)
     scaled = scaled_poses(pose, covariance[::way])
     fit, stretched = fit_turn(time, scaled), scaled.pose * [1.0, 1.0, scaled.length_mm]
-    rate = _path_rate(fit, time, stretched)
+    rate = _path_rate(fit, time, scaled)
     yaw_rate = 1.7 / (59 / 50)
     from_centre = np.hypot(1.5, 3 - 0.4)
     assert rate.value == pytest.approx(yaw_rate * np.hypot(from_centre, scaled.length_mm), rel=1e-6)
