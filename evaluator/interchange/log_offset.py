@@ -26,6 +26,8 @@ FEWEST_SAMPLES = 20  # velocities: fewer than three in each of BLOCKS give no in
 # An offset far from the stated one is believed where it leaves less than half of the residuals of velocity that the
 # nearest ones leave: a log that repeats its commands fits nearly as well one repetition later.
 HALF = float(np.log(2))
+# Chance that a log and a motion that do not belong together are taken to: see _is_chance.
+CHANCE = 1e-3
 BLOCKS = 8  # of the recording, for the jackknife of the interval
 MIDPOINTS = 8  # in either half of what is averaged
 AROUND_S = 1.0  # of the best offset, in which it is refined
@@ -43,7 +45,7 @@ class LogOffset:
 def log_offset(
     time_s: Array, pose: Array, sides: Sides, span_s: tuple[float, float], near_s: float
 ) -> LogOffset | None:
-    """The offset at which the motion follows a log best; None if nothing moves, or too little of it is recorded.
+    """The offset at which the motion follows a log best; None if nothing moves as commanded, or too little is recorded.
 
     time_s: (n,). pose: (n, 3) x, y in mm and heading in rad, unwrapped, without NaN. sides: commands of the left and
     the right side, rpm, at any times of the log. span_s: first and last time of the log. near_s: offsets up to this one
@@ -61,7 +63,7 @@ def log_offset(
     commanded = _commanded(sides, wide, half)
     shifts = step * np.arange(high, low - 1, -1)
     cost = _cost(measured, commanded)
-    if not np.isfinite(cost).any():
+    if _is_chance(cost, independent=len(times) * step / (2 * half), tried=len(shifts) * step / (2 * half)):
         return None
     near = (np.abs(shifts) <= near_s) & np.isfinite(cost)
     best = int(np.nanargmin(cost))
@@ -70,10 +72,24 @@ def log_offset(
     window = np.arange(max(best - round(AROUND_S / step), 0), min(best + round(AROUND_S / step) + 1, len(shifts)))
     sums = _sums(measured, commanded, window)
     value = _least(shifts[window], _of_sums(sums.sum(axis=0)))
-    without = np.array([_least(shifts[window], _of_sums(sums.sum(axis=0) - block)) for block in sums])
+    costs = [_of_sums(np.delete(sums, number, axis=0).sum(axis=0)) for number in range(BLOCKS)]
+    if not all(np.isfinite(each).any() for each in costs):  # one eighth holds all that was commanded: no interval
+        return None
+    without = np.array([_least(shifts[window], each) for each in costs])
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
     reach = float(special.stdtrit(BLOCKS - 1, 0.975)) * spread
     return LogOffset(value, float(value - reach), float(value + reach))
+
+
+def _is_chance(cost: Array, independent: float, tried: float) -> bool:
+    """Whether a motion that has nothing to do with the log would reach the least of the costs (k,), or none is finite.
+
+    independent, tried: numbers of velocities and of offsets that do not share what is averaged. -independent * cost is
+    the likelihood ratio of two gains, chi-squared with two degrees of freedom: exp(-x / 2) lies beyond x.
+    """
+    if not np.isfinite(cost).any():
+        return True
+    return bool(-independent * np.nanmin(cost) < 2 * np.log(max(tried, 1.0) / CHANCE))
 
 
 def _measured(time_s: Array, pose: Array, times: Array, half: float) -> Array:

@@ -20,6 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 from scipy.optimize import minimize_scalar
 
 from evaluator.turning.motion.velocity_change import left_over
@@ -35,6 +36,9 @@ CHI2_95 = 3.841  # one parameter
 # Least gain in -2 log likelihood of a rise time: chance reaches it once in a thousand. Without a rise time, the delay
 # is as precise as sudden changes allow.
 WORTH = 10.8
+# Chance that noise alone is taken for the changes of velocity. Each change adds three velocities (forward, sideways,
+# yaw); the gain of noise in -2 log likelihood is chi-squared, at each of the delays that are tried.
+CHANCE = 1e-3
 # Rise times that are tried, s. Shorter ones are not visible at usual frame rates; after longer ones no velocity is
 # steady within FINE_S.
 RISES_S = np.geomspace(0.02, 1.0, 8)
@@ -103,10 +107,20 @@ def command_delay(
     coarse = float(grid[best])
     near = [(change, frames & (np.abs(time_s - change - coarse) <= FINE_S)) for change, frames in windows]
     fine = [(change, frames) for change, frames in near if _fewest(time_s[frames] - change - coarse) >= FEWEST_FRAMES]
-    if not fine:
+    if not fine or not _changes(time_s, pose, fine, coarse, len(grid)):
         return CommandDelay()
     changes = _changes_mm_s(time_s, pose, changes_s, [change for change, _ in fine], reach_mm)
     return _refined(time_s, pose, fine, coarse, step, changes)
+
+
+def _changes(time_s: Array, pose: Array, windows: Windows, late: float, tried: int) -> bool:
+    """Whether the velocity changes at a delay by more than the best of some tried delays shows in noise alone."""
+    if not np.ptp(pose, axis=0).any():  # repeated poses leave rounding errors alone
+        return False
+    never = 3 * COARSE_S  # beyond the frames of every window
+    steady, changed = (_misfit(time_s, pose, windows, each)[0] for each in (never, late))
+    independent = _independent(time_s, pose, windows, late, np.zeros(len(windows)))
+    return bool(independent * np.log(steady / changed) > special.chdtri(3 * len(windows), CHANCE / tried))
 
 
 def most_late_s(time_s: Array, changes_s: Sequence[float]) -> float:

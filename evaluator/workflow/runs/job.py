@@ -5,6 +5,7 @@ Light to import, because the parent process of a batch needs only this module; i
 
 from __future__ import annotations
 
+import math
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -186,6 +187,11 @@ def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterat
             f"moves {turning['late_s']:.3f} s later than its command log (95 % from "
             f"{turning['late_low_s']:.3f} to {turning['late_high_s']:.3f}): a clock that is off (start_s), or motors "
             f"that wait{_of_a_rise(turning.get('hidden_rise_s', 0.0))}"
+        )
+    if not math.isfinite(turning.get("late_s", 0.0)):
+        yield (
+            "the offset between its motion and its command log cannot be determined, because it does not move as the "
+            "log commands, or too little of it is recorded; start_s is taken as stated"
         )
     last_s = tracked.get("last_s")
     if last_s is not None and run.stop_s is not None and run.stop_s > last_s + LATE_S:

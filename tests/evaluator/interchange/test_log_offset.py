@@ -10,6 +10,7 @@ from evaluator.interchange import log_offset as room
 from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.log_offset import LogOffset
 from evaluator.pose import Poses
+from evaluator.turning.clock import command_delay
 from evaluator.workflow.runs.phases import command_delay_of
 from simulator.command import Command
 
@@ -88,6 +89,35 @@ def test_of_what_does_not_move_or_is_too_short_nothing_is_known() -> None:
     time, still = np.arange(0, 5, FRAME_S), Command.constant(0.0, 0.0)
     assert log_offset(time, np.zeros((len(time), 3)), still, NEAR_S) is None
     assert log_offset(time[:20], np.zeros((20, 3)), log(), NEAR_S) is None
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize(
+    "rows", [[(0, 0, 0), (9, 20, 10)], [(0, 20, 10), (1, 0, 0), (9, 0, 0)], [(0, 5, 9), (9, 0, 0)]]
+)
+def test_of_a_robot_that_stands_neither_the_offset_nor_the_delay_is_known(
+    rows: list[tuple[int, int, int]], noise: float
+) -> None:
+    times, *sides = np.array(rows, float).T
+    command = Command.held_samples(times, np.column_stack(sides), starts_at_rest=False)
+    time = np.arange(0, 10, FRAME_S)
+    for seed in range(5):
+        still = 10 + noise * np.random.default_rng(seed).normal(size=(len(time), 3)) * [0.02, 0.02, 0.01]
+        assert log_offset(time, still, command, NEAR_S) is None
+        assert not np.isfinite(command_delay(time, still, [1.0, 4.0, 9.0]).value_s)
+
+
+def test_no_interval_is_known_where_one_eighth_of_a_recording_holds_all_that_is_commanded() -> None:
+    command = Command.steps([(0.0, 0.0, 0.0), (22.3, 20.0, 10.0), (22.8, 0.0, 0.0), (40.0, 0.0, 0.0)])
+    time = np.arange(0, 40, FRAME_S)
+    assert log_offset(time, driven(command, time, 0.0), command, NEAR_S) is None
+
+
+def test_chance_reaches_a_cost_once_in_a_thousand_of_the_offsets_that_are_tried() -> None:
+    limit = 2 * np.log(100 / 1e-3) / 50
+    assert room._is_chance(np.array([0.0, -0.99 * limit, np.nan]), independent=50, tried=100)
+    assert not room._is_chance(np.array([0.0, -1.01 * limit, np.nan]), independent=50, tried=100)
+    assert room._is_chance(np.array([np.nan, np.nan]), independent=50, tried=100)
 
 
 @pytest.mark.parametrize("late_s", [0.31, 12.0])

@@ -59,6 +59,12 @@ def test_a_log_that_is_a_tenth_of_a_second_off_is_remarked_where_it_is_known_as_
     assert bool(list(_notes(run(), {}, turning))) == said
 
 
+def test_a_delay_that_is_not_known_is_said_to_be_so_in_one_sentence() -> None:
+    (note,) = _notes(run(), {}, dict.fromkeys(("late_s", "late_low_s", "late_high_s"), float("nan")))
+    assert "cannot be determined" in note
+    assert "start_s is taken as stated" in note
+
+
 @pytest.mark.parametrize(("hidden", "said"), [(0.0, ""), (4e-4, ""), (0.04, "takes up to 0.040 s to change")])
 def test_half_of_a_rise_that_would_not_show_is_said_to_be_in_the_delay(hidden: float, said: str) -> None:
     turning = {"late_s": 0.3, "late_low_s": 0.27, "late_high_s": 0.31, "hidden_rise_s": hidden}
