@@ -29,6 +29,9 @@ HALF = float(np.log(2))
 # Chance that a log and a motion that do not belong together are taken to: see _is_chance.
 CHANCE = 1e-3
 BLOCKS = 8  # of the recording, for the jackknife of the interval
+# Squares of a log over their largest, below which it commands nothing: products by Fourier transforms are wrong by
+# 1e-15 of the whole, which would explain all of a motion at the offsets at which the log rests.
+SMALL = 1e-9
 MIDPOINTS = 8  # in either half of what is averaged
 AROUND_S = 1.0  # of the best offset, in which it is refined
 
@@ -113,7 +116,8 @@ def _cost(measured: Array, commanded: Array) -> Array:
 
     size = measured.shape[1]
     products = [correlate(b, a, mode="valid") for a, b in zip(measured, commanded, strict=True)]
-    squares = [np.convolve(b**2, np.ones(size), mode="valid") for b in commanded]
+    totals = np.pad(np.cumsum(commanded**2, axis=1), ((0, 0), (1, 0)))
+    squares = totals[:, size:] - totals[:, :-size]
     own = [np.full(len(products[0]), a @ a) for a in measured]
     return _of_sums(np.stack([products, squares, own]))
 
@@ -130,8 +134,9 @@ def _sums(measured: Array, commanded: Array, window: NDArray[np.int64]) -> Array
 def _of_sums(sums: Array) -> Array:
     """The cost (k,) from products and squares (3, 2, k); NaN at shifts at which the log commands rest alone."""
     products, squares, own = sums
+    commands = squares > SMALL * squares.max(axis=-1, keepdims=True)
     explained = products**2 / np.maximum(squares * own, 1e-300)
-    left = np.log(np.maximum(1 - np.where(products > 0, explained, 0.0), 1e-12))
+    left = np.log(np.maximum(1 - np.where((products > 0) & commands, explained, 0.0), 1e-12))
     return np.where((squares > 0).any(axis=0), left.sum(axis=0), np.nan)
 
 
