@@ -49,6 +49,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="diagnoses at a time, each in one process")
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no further experiment after so many minutes")
     parser.add_argument("--known-to", action="store_true", help="write [known_to] tables too")
+    parser.add_argument("--pivots", action="store_true", help="let three runs of each experiment turn on the spot")
     parser.add_argument("--keep", type=Path, help="folder for experiments, truths and rows.jsonl; continues there")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
@@ -76,7 +77,7 @@ def keys(chosen: argparse.Namespace) -> list[str]:
 def run_all(wanted: list[str], chosen: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     """Rows of all wanted experiments; those that rows.jsonl has already are read from there."""
     file, ends = folder / "rows.jsonl", time.monotonic() + 60 * chosen.minutes
-    label = f"{chosen.seed}{'k' if chosen.known_to else ''}-{generator_digest()}"
+    label = f"{chosen.seed}{'k' * chosen.known_to}{'p' * chosen.pivots}-{generator_digest()}"
     old = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     rows = {row["key"]: row for row in old if row["label"] == label}
 
@@ -117,7 +118,7 @@ def diagnosed(key: str, chosen: argparse.Namespace, folder: Path) -> dict[str, A
         shutil.rmtree(where, ignore_errors=True)
         rng = np.random.default_rng([*digest, *[attempt] * bool(attempt)])
         try:
-            drawn = draw(kind, name, rng)
+            drawn = draw(kind, name, rng, pivots=chosen.pivots)
             write(drawn, where, folder / "truths", rng, known_to=chosen.known_to)
         except ArithmeticError:  # effects so large together that the robot finds no balance: draw again
             continue

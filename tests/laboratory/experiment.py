@@ -43,9 +43,12 @@ class Drawn:
     truth: dict[str, Any]
 
 
-def draw(kind: str, name: str, rng: np.random.Generator) -> Drawn:
-    """Draw an experiment. kind: "mess" (name: its kind), "odd", "single" (name: the effect), "pair" or "outside"."""
-    plain = ordinary_session(rng)
+def draw(kind: str, name: str, rng: np.random.Generator, *, pivots: bool = False) -> Drawn:
+    """Draw an experiment. kind: "mess" (name: its kind), "odd", "single" (name: the effect), "pair" or "outside".
+
+    pivots: three of its runs turn on the spot.
+    """
+    plain = ordinary_session(rng, pivots=pivots)
     return with_hidden(kind, name, plain, mess.KINDS[name if kind == "mess" else "everything"](plain, rng), rng)
 
 
@@ -70,9 +73,13 @@ def with_hidden(kind: str, name: str, plain: Session, messy: Session, rng: np.ra
     return Drawn(session, truth)
 
 
-def ordinary_session(rng: np.random.Generator) -> Session:
+def ordinary_session(rng: np.random.Generator, *, pivots: bool = False) -> Session:
     """16 to 24 tidy runs: straight, turns to both sides, forward and backward, some repeated, anywhere on the plate."""
     rpm = _commands(rng, int(rng.integers(16, 25)))
+    if pivots:
+        speed = float(rng.choice([15.0, 29.0, 45.0]))  # the last with wheels that are not equally fast
+        turns = speed * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, -0.9]])
+        rpm[:, rng.choice(rpm.shape[1], turns.shape[1], replace=False)] = turns
     runs = rpm.shape[1]
     start = np.round(0.5 + rng.uniform(-0.1, 0.1, runs), 3)
     last = rng.uniform(6, 10, runs)

@@ -51,6 +51,14 @@ def test_every_mess_leaves_enough_frames(name: str) -> None:
     assert (session.end_s - np.maximum(session.begin_s, session.start_s) > 1.0).all()
 
 
+def test_three_runs_of_a_session_turn_on_the_spot_if_asked() -> None:
+    plain, turned = (ordinary_session(np.random.default_rng(4), pivots=pivots) for pivots in (False, True))
+    on_the_spot = turned.said_rpm[0] * turned.said_rpm[1] < 0
+    assert (on_the_spot.sum(), plain.runs) == (3, turned.runs)
+    assert (plain.said_rpm.prod(axis=0) > 0).all()
+    np.testing.assert_array_equal(plain.said_rpm[:, ~on_the_spot], turned.said_rpm[:, ~on_the_spot])
+
+
 def test_there_are_twenty_kinds_of_mess_and_more() -> None:
     assert len(mess.KINDS) > 20
 
