@@ -89,7 +89,10 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         )
     if duplicates:
         equal, first = verb(len(duplicates), "equals", "equal"), duplicates[0]
-        said.append(f"{counted(len(duplicates), 'frame')} {equal} the one before, the first is frame {first}")
+        said.append(
+            f"{counted(len(duplicates), 'frame')} {equal} the one before, the first is frame {first}; they are left out"
+            " where marks move: record at a frame rate that the camera keeps"
+        )
     return TimingReport(
         frames=len(ticks),
         first=ticks[0] * tick if ticks else None,
