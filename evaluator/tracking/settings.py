@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Box = tuple[Finite, Finite, Finite, Finite]  # left, top, right, bottom in px
@@ -90,6 +90,16 @@ class TrackingSettings(Table):
     distance_diameters: Finite | None = Field(default=3.66, gt=0)
     exposure: Annotated[float, Field(ge=0, le=1)] | None = None
     readout_ms: Annotated[float, Field(ge=0, lt=1000)] = 0.0
+
+    @field_validator("mark", mode="before")
+    @classmethod
+    def _tables_by_name(cls, stated: object) -> object:
+        if not isinstance(stated, list):
+            return stated
+        raise ValueError(
+            "[[mark]] belongs in robot.toml, with the places of the marks; here every mark is a table "
+            f"[mark.NAME], for example [mark.{DEFAULT_MARKS[0]}]"
+        )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
