@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from evaluator.workflow import Analysis
 
 MOST_NAMED = 6  # runs that are named in a note common to many
+DASH = "–"
 TOO_LITTLE = "turns < 1°"  # in place of a radius: turning.status.LEAST_TURN_DEG
 # A number, with its sign, that is not part of the name of a file or run.
 WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
@@ -54,9 +55,18 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
         )
     if notes and not options.quiet:
         for note, runs in runs_by_note(found.notes).items():
-            named = ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
-            click.echo(f"note: {named}: {note}", err=True)
+            click.echo(f"note: {_named(runs)}: {note}", err=True)
     return found
+
+
+def _named(runs: Sequence[str]) -> str:
+    return ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
+
+
+def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]]) -> list[str]:
+    """A line for every reason why rows of turning.csv have a dash in place of a radius."""
+    statuses = {name_of(row): (str(row["radius_status"]),) for row in rows if radius(row)[0] == DASH}
+    return [f"{DASH} in {_named(runs)}: {status}" for status, runs in runs_by_note(statuses).items()]
 
 
 def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
@@ -135,4 +145,4 @@ def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
     little = math.isfinite(value) or str(status).startswith("turns too little")
     if str(status).startswith("straight") or (little and row["left_rpm"] == row["right_rpm"]):
         return "straight", ""
-    return TOO_LITTLE if little else "–", ""
+    return TOO_LITTLE if little else DASH, ""

@@ -13,6 +13,7 @@ from evaluator.cli.analysis import (
     print_json,
     print_plan,
     radius,
+    reasons_of_dashes,
     run_analysis,
     status_of,
 )
@@ -52,15 +53,16 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
     from evaluator.cli.tables import text_table
     from evaluator.report.numbers import command_text, number, true_minus
 
-    rows = []
-    for row in found.turning.to_dict("records"):
-        if row["run"] not in found.faults:
-            cells = [
-                name_of(row, found.excluded_runs),
-                command_text(row["left_rpm"], row["right_rpm"]),
-                *radius(row),
-                number(row[named_after(only_mark(row), "speed_mm_s")], 3),
-            ]
-            rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
+    rows, measured = [], [row for row in found.turning.to_dict("records") if row["run"] not in found.faults]
+    for row in measured:
+        cells = [
+            name_of(row, found.excluded_runs),
+            command_text(row["left_rpm"], row["right_rpm"]),
+            *radius(row),
+            number(row[named_after(only_mark(row), "speed_mm_s")], 3),
+        ]
+        rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
     head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
-    return text_table([*head, "remark"] if verbose else head, rows)
+    if verbose:
+        return text_table([*head, "remark"], rows)
+    return "\n".join([text_table(head, rows), *reasons_of_dashes(measured)])

@@ -110,6 +110,15 @@ def test_a_report_is_written_of_what_was_analysed(asked: list[dict[str, Any]], f
     assert len(asked) == 1
 
 
+def test_a_dash_in_place_of_a_radius_is_explained_in_a_line(found: Any) -> None:
+    still = [{**ROWS[1], "run": name, "radius_mm": nan, "radius_status": "at rest"} for name in "cd"]
+    found.turning = pd.DataFrame([*ROWS, *still])
+    *table, why = turning_text(found, verbose=False).splitlines()
+    assert len(table) == 5
+    assert why == "– in c, d: at rest"
+    assert "– in" not in turning_text(found, verbose=True)
+
+
 def test_more_is_printed_of_every_run_where_asked_for(asked: list[dict[str, Any]], found: Any) -> None:
     table = turning_text(found, verbose=True).splitlines()
     assert table[0].endswith("remark")
