@@ -312,7 +312,8 @@ def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = No
         if skipped:
             first, why = next(iter(skipped.items()))
             reasons.append(f"{counted(len(skipped), 'run')} left out ({first}: {why})")
-    commands = {run.command for run in moving}
-    if moving and len(commands) < FEWEST_COMMANDS:
-        reasons.append(f"all runs have the same command, {moving[0].left_rpm:g} / {moving[0].right_rpm:g} rpm")
+    commands = {(item.left_rpm, item.right_rpm) for run in moving for item in run.run_command.driven}
+    if commands and len(commands) < FEWEST_COMMANDS:
+        left_rpm, right_rpm = next(iter(commands))
+        reasons.append(f"all runs have the same command, {left_rpm:g} / {right_rpm:g} rpm")
     return reasons

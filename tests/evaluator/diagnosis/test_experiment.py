@@ -157,6 +157,14 @@ def test_one_command_alone_cannot_decide() -> None:
     assert shortcomings(_runs([(30.0, 30.0), (33.3, 14.4)] * 4)) == []
 
 
+def test_runs_with_the_same_log_of_several_commands_do_not_have_one_command_alone() -> None:
+    several = RunCommand(Command.steps([(0.0, 30.0, 30.0), (1.0, 33.3, 14.4), (2.0, 0.0, 0.0)]), logged=True)
+    one = RunCommand(Command.steps([(0.0, 33.3, 14.4), (2.0, 0.0, 0.0)]), logged=True)
+    runs = _runs([(30.0, 30.0)] * 8)
+    assert shortcomings([replace(run, log=several) for run in runs]) == []
+    assert shortcomings([replace(run, log=one) for run in runs]) == ["all runs have the same command, 33.3 / 14.4 rpm"]
+
+
 def test_where_too_few_runs_are_left_it_is_said_why_the_others_are_not() -> None:
     few, skipped = _runs([(30.0, 30.0), (33.3, 14.4)]), {"w042": "7 poses that do not repeat the one before"}
     assert shortcomings(few, skipped)[1] == "1 run left out (w042: 7 poses that do not repeat the one before)"
