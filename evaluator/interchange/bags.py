@@ -9,14 +9,17 @@
 A command is a velocity (geometry_msgs Twist or TwistStamped), the joint velocities of the wheels (sensor_msgs
 JointState: left_joint and right_joint name theirs, or lists of them, of which the mean counts), or two numbers, left
 and right, in rad/s (std_msgs Float32MultiArray or Float64MultiArray). Poses are nav_msgs Odometry, geometry_msgs
-PoseStamped or PoseWithCovarianceStamped. The time of a message is that of its header or, if the header has none, the
-time at which it was recorded. Reading needs rosbags (pip install 'turnscope[ros]').
+PoseStamped, PoseWithCovarianceStamped or TransformStamped, or the transforms of one frame, poses_frame, of a tf2_msgs
+TFMessage, which is read where it is named or where there are no other poses. The time of a message is that of its
+header or, if the header has none, the time at which it was recorded. Reading needs rosbags (pip install
+'turnscope[ros]').
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -30,6 +33,7 @@ Row = TypeVar("Row")
 S_PER_NS = 1e-9
 BAGS = (".mcap", ".bag", ".db3")
 METADATA = "metadata.yaml"  # of a rosbag2 folder
+FRAMES = "TFMessage"  # transforms of many frames
 Joints = str | tuple[str, ...]
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -45,6 +49,7 @@ class Topics(BaseModel):
     left_joint: Joints | None = None
     right_joint: Joints | None = None
     poses_topic: str | None = None
+    poses_frame: str | None = None
 
 
 def is_bag(path: Path) -> bool:
@@ -70,17 +75,29 @@ def read_trajectory(path: Path, topics: Topics) -> tuple[Array, Array, Array]:
 
     Heading: of the body's x axis over the plane of x and y. Raises InputError as read_commands does.
     """
-    rows = _rows(path, topics.poses_topic, POSES, "poses_topic", lambda kind, message: _pose(POSES[kind](message)))
+    rows = _rows(
+        path,
+        topics.poses_topic,
+        POSES,
+        "poses_topic",
+        lambda kind, message: _pose(POSES[kind](message)),
+        lambda message: _of_frame(path, message, topics.poses_frame),
+    )
     poses, covariances = zip(*(found for _, found in rows), strict=True)
     return np.array([at_s for at_s, _ in rows]), np.array(poses), np.array(covariances)
 
 
 def _rows(
-    path: Path, topic: str | None, known: dict[str, Any], key: str, read: Callable[[str, Any], Row]
+    path: Path,
+    topic: str | None,
+    known: dict[str, Any],
+    key: str,
+    read: Callable[[str, Any], Row],
+    parts_of: Callable[[Any], Sequence[Any]] = lambda message: (message,),
 ) -> list[tuple[float, Row]]:
     """Time and content of every message of a topic, in order of time. Raises InputError if there are none.
 
-    read: what a message of a kind holds.
+    read: what a message of a kind holds. parts_of: messages that a message combines.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -98,14 +115,14 @@ def _rows(
                 connections=[item for item in reader.connections if item.topic == chosen]
             ):
                 message = reader.deserialize(raw, connection.msgtype)
-                rows.append((_time_s(message, recorded_ns), read(kinds[chosen], message)))
+                rows += [(_time_s(part, recorded_ns), read(kinds[chosen], part)) for part in parts_of(message)]
     except InputError:
         raise
     except Exception as error:  # rosbags, its databases and messages of a damaged recording raise anything
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path}: not a readable ROS recording ({reason})") from error
     if not rows:
-        raise InputError(f"{path}: topic {chosen} has no message")
+        raise InputError(f"{path}: topic {chosen} has no message{' of this frame' if kinds[chosen] == FRAMES else ''}")
     return sorted(rows, key=lambda row: row[0])
 
 
@@ -114,8 +131,9 @@ def _chosen(path: Path, topic: str | None, kinds: dict[str, str], known: dict[st
     able = [name for name, kind in kinds.items() if kind in known]
     listed = ", ".join(f"{name} ({kinds[name]})" for name in sorted(able)) or "none"
     if topic is None:
-        if len(able) == 1:
-            return able[0]
+        plain = [name for name in able if kinds[name] != FRAMES] or able
+        if len(plain) == 1:
+            return plain[0]
         raise InputError(f"{path}: say [commands] {key} in experiment.toml; topics that fit: {listed}")
     if topic not in kinds:
         raise InputError(f"{path}: there is no topic {topic} ([commands] {key}); topics that fit: {listed}")
@@ -179,6 +197,23 @@ def _pose(stated: Any) -> tuple[Array, Array]:
     return np.array([at.x, at.y, heading_rad(q.x, q.y, q.z, q.w)], dtype=float), covariance
 
 
+def _of_frame(path: Path, message: Any, frame: str | None) -> Sequence[Any]:
+    """The transforms of a frame in a TFMessage; any other message itself. Raises InputError if no frame is said."""
+    if not hasattr(message, "transforms"):
+        return (message,)
+    frames = sorted({item.child_frame_id for item in message.transforms})
+    if frame is None and frames:
+        raise InputError(
+            f"{path}: say [commands] poses_frame, the frame of the robot; the first are {', '.join(frames)}"
+        )
+    return [item for item in message.transforms if item.child_frame_id == frame]
+
+
+def _placed(message: Any) -> SimpleNamespace:
+    """A TransformStamped as a Pose."""
+    return SimpleNamespace(position=message.transform.translation, orientation=message.transform.rotation)
+
+
 COMMANDS: dict[str, Callable[[Any, Topics, str], tuple[float, float]]] = {
     "Twist": _of_velocity,
     "TwistStamped": lambda message, topics, where: _of_velocity(message.twist, topics, where),
@@ -190,4 +225,6 @@ POSES: dict[str, Callable[[Any], Any]] = {
     "Odometry": lambda message: message.pose,
     "PoseWithCovarianceStamped": lambda message: message.pose,
     "PoseStamped": lambda message: message.pose,
+    "TransformStamped": _placed,
+    FRAMES: _placed,
 }

@@ -27,6 +27,7 @@ from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
+from evaluator.wording import counted
 from simulator.command import SECONDS
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ LEAST_SIGMA_MM, LEAST_SIGMA_RAD = 1e-6, 1e-8  # for simulated poses without nois
 
 @dataclass(frozen=True)
 class PoseTable:
-    """Poses of a file, and the number of dropped repetitions.
+    """Poses of a file, and the numbers of dropped repetitions, twice: with the time of the one before.
 
     table: time_s, x_mm, y_mm, heading_deg, x_sigma_mm, y_sigma_mm, heading_sigma_deg, xy_cov_mm2; NaN if there is no
     pose. zero_s: reading of the file's clock at time 0. noise_stated: whether the file states its uncertainty.
@@ -57,6 +58,7 @@ class PoseTable:
     dropped: int
     zero_s: float
     noise_stated: bool
+    twice: int = 0
 
     def notes(self) -> list[str]:
         """Notes on the file."""
@@ -66,6 +68,8 @@ class PoseTable:
             said.append(
                 f"{self.dropped} of {kept + self.dropped} poses repeat the previous one (held values) and are dropped"
             )
+        if self.twice:
+            said.append(f"{counted(self.twice, 'pose')} came twice with the same time; one of each counts")
         if not self.noise_stated:
             sigma, angle = (self.table[name].median() for name in ("x_sigma_mm", "heading_sigma_deg"))
             said.append(f"noise estimated from the poses: {sigma:.3g} mm, {angle:.3g} degrees")
@@ -111,6 +115,9 @@ def _read(path: Path, topics: Topics) -> PoseTable:
     raw = _as_stated(path, topics)
     zero_s = _zero_s(raw["time_s"].to_numpy(float))
     raw["time_s"] -= zero_s
+    # a message that was delivered or recorded twice
+    twice = _repeats(raw[["time_s", "x_mm", "y_mm", "heading_deg"]].to_numpy(float))
+    raw = raw[~twice].reset_index(drop=True)
     check_marks(raw.rename(columns={"x_mm": "center_x_mm", "y_mm": "center_y_mm"}), path)
     kept = ~held(raw[["x_mm", "y_mm", "heading_deg"]].to_numpy(float))
     table = raw[kept].reset_index(drop=True)
@@ -121,7 +128,7 @@ def _read(path: Path, topics: Topics) -> PoseTable:
         table["xy_cov_mm2"] = 0.0
     if not table["x_mm"].notna().any():
         raise InputError(f"{path}: no row holds a pose")
-    return PoseTable(table, int((~kept).sum()), zero_s, stated)
+    return PoseTable(table, int((~kept).sum()), zero_s, stated, int(twice.sum()))
 
 
 def _as_stated(path: Path, topics: Topics) -> pd.DataFrame:
@@ -134,13 +141,18 @@ def _zero_s(time_s: Array) -> float:
     return float(np.floor(first[0])) if len(first) and abs(first[0]) > LARGEST_CLOCK_S else 0.0
 
 
+def _repeats(values: Array) -> NDArray[np.bool_]:
+    """Rows (n,) of values (n, k) that equal the one before."""
+    return np.asarray(np.r_[False, (values[1:] == values[:-1]).all(axis=1)], dtype=np.bool_)
+
+
 def held(values: Array) -> NDArray[np.bool_]:
     """Rows (n,) of values (n, k) that repeat the one before, if the file repeats values during motion.
 
     A robot at rest has equal poses, too, if they have no noise: one long group or a few. Repeated values of a sensor
     form many groups.
     """
-    repeats = np.r_[False, (values[1:] == values[:-1]).all(axis=1)]
+    repeats = _repeats(values)
     starts = np.flatnonzero(~repeats)
     sizes = np.diff(np.r_[starts, len(values)])
     groups = int((sizes > 1).sum())

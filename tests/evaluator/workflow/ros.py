@@ -69,3 +69,16 @@ def odometry(at_s: float, x: float, y: float, heading: float, covariance: np.nda
         pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=full),
         twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](twist=twist(0.0, 0.0), covariance=np.zeros(36)),
     )
+
+
+def transform(at_s: float, x: float, y: float, heading: float, child: str = "base_link") -> Any:
+    turned = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
+    return TYPES["geometry_msgs/msg/TransformStamped"](
+        header=header(at_s),
+        child_frame_id=child,
+        transform=TYPES["geometry_msgs/msg/Transform"](translation=vector(x, y), rotation=turned),
+    )
+
+
+def frames(*transforms: Any) -> Any:
+    return TYPES["tf2_msgs/msg/TFMessage"](transforms=list(transforms))

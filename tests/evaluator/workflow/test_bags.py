@@ -23,7 +23,7 @@ from simulator.command import Command  # noqa: E402
 from simulator.robot import load_robot  # noqa: E402
 from simulator.run import State  # noqa: E402
 from simulator.simulation import simulate  # noqa: E402
-from tests.evaluator.workflow.ros import EPOCH_S, NS, bag, joints, numbers, odometry, twist  # noqa: E402
+from tests.evaluator.workflow.ros import EPOCH_S, NS, bag, frames, joints, numbers, odometry, transform, twist  # noqa: E402
 
 LONGEST = b"\xff" * 8
 
@@ -119,6 +119,38 @@ def test_topics_that_fit_are_listed_where_the_file_does_not_say_which(tmp_path: 
     with pytest.raises(InputError, match="topic /odom holds Odometry"):
         read_commands(tmp_path / "run", Topics(topic="/odom"))
     assert read_commands(tmp_path / "run", Topics(topic="/b"))[1].tolist() == [[1.0, 2.0]]
+
+
+def test_a_transform_is_a_pose(tmp_path: Path) -> None:
+    with bag(tmp_path / "run") as send:
+        for k in range(3):
+            send("/vicon/robot", 0.1 * k, transform(0.1 * k, 0.5 * k, -0.2, 0.3))
+            send("/tf", 0.1 * k, frames(transform(0.1 * k, 0.0, 0.0, 0.0, "wheel")))
+    time, pose, _ = read_trajectory(tmp_path / "run", Topics())
+    np.testing.assert_allclose(time - EPOCH_S, [0.0, 0.1, 0.2], atol=1e-6)
+    np.testing.assert_allclose(pose, [[0.0, -0.2, 0.3], [0.5, -0.2, 0.3], [1.0, -0.2, 0.3]], atol=1e-9)
+
+
+def test_of_many_transforms_those_of_the_stated_frame_are_read(tmp_path: Path) -> None:
+    with bag(tmp_path / "run") as send:
+        send("/tf", 0.0, frames(transform(0.0, 1.0, 2.0, 0.1), transform(0.0, 9.0, 9.0, 0.0, "wheel")))
+        send("/tf", 0.1, frames(transform(0.1, 9.0, 9.0, 0.0, "wheel")))
+        send("/tf", 0.2, frames(transform(0.2, 3.0, 4.0, 0.2)))
+    pose = read_trajectory(tmp_path / "run", Topics(poses_frame="base_link"))[1]
+    np.testing.assert_allclose(pose, [[1.0, 2.0, 0.1], [3.0, 4.0, 0.2]], atol=1e-9)
+    with pytest.raises(InputError, match=r"say \[commands\] poses_frame.*base_link, wheel"):
+        read_trajectory(tmp_path / "run", Topics())
+    with pytest.raises(InputError, match="no message of this frame"):
+        read_trajectory(tmp_path / "run", Topics(poses_frame="arm"))
+
+
+def test_a_pose_that_was_delivered_twice_counts_once_and_is_noted(tmp_path: Path) -> None:
+    with bag(tmp_path / "run") as send:
+        for at in (0.0, 0.1, 0.1, 0.2, 0.3):
+            send("/odom", at, odometry(at, at, 0.0, 0.0))
+    found = read_poses(tmp_path / "run")
+    assert found.table["x_mm"].tolist() == pytest.approx([0.0, 100.0, 200.0, 300.0])
+    assert "1 pose came twice with the same time; one of each counts" in found.notes()
 
 
 def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
