@@ -55,18 +55,19 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
         )
     if notes and not options.quiet:
         for note, runs in runs_by_note(found.notes).items():
-            click.echo(f"note: {_named(runs)}: {note}", err=True)
+            click.echo(f"note: {named_runs(runs)}: {note}", err=True)
     return found
 
 
-def _named(runs: Sequence[str]) -> str:
+def named_runs(runs: Sequence[str]) -> str:
+    """The first of some runs, and how many there are."""
     return ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
 
 
 def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]]) -> list[str]:
     """A line for every reason why rows of turning.csv have a dash in place of a radius."""
     statuses = {name_of(row): (str(row["radius_status"]),) for row in rows if radius(row)[0] == DASH}
-    return [f"{DASH} in {_named(runs)}: {status}" for status, runs in runs_by_note(statuses).items()]
+    return [f"{DASH} in {named_runs(runs)}: {status}" for status, runs in runs_by_note(statuses).items()]
 
 
 def runs_by_note(notes: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:

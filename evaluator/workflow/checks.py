@@ -60,12 +60,17 @@ class Written:
 
 @dataclass(frozen=True)
 class Check:
-    """Result of a check: faults that prevent an analysis, probable mistakes, number of runs and videos."""
+    """Result of a check: faults that prevent an analysis, probable mistakes, number of runs and videos.
+
+    unseen: runs without a video whose motion was not compared with their commands: those of poses and of the marks of
+    other programs, which the analysis reads first.
+    """
 
     faults: tuple[str, ...]
     runs: int = 0
     videos: int = 0
     mistakes: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
 
 
 def check_experiment(path: Path) -> Check:
@@ -85,11 +90,15 @@ def check_experiment(path: Path) -> Check:
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
     mistakes: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
     if experiment is not None and not faults:
-        found = mistakes_of_marks(experiment, given_marks(experiment), marks)
+        given = given_marks(experiment)
+        unseen = tuple(run.id for run in runs if run.video is None and run.id not in given and run.source.exists())
+        found = mistakes_of_marks(experiment, given, marks)
         doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))
         mistakes = (*doubts, *(item.sentence for item in found))
-    return Check(tuple(dict.fromkeys(faults)), len(runs), sum(run.video is not None for run in runs), mistakes)
+    videos = sum(run.video is not None for run in runs)
+    return Check(tuple(dict.fromkeys(faults)), len(runs), videos, mistakes, unseen)
 
 
 def doubled_videos(runs: Sequence[Run]) -> Iterator[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from evaluator.cli.analysis import named_runs
 from evaluator.cli.guard import BAD_INPUT
 from evaluator.cli.options import experiment_argument, json_option, quiet_option, say_mended, write_mended_option
 from evaluator.wording import counted
@@ -26,7 +27,7 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
 
     found = check_experiment(experiment)
     if as_json:
-        content = {"faults": found.faults, "mistakes": found.mistakes, "runs": found.runs, "videos": found.videos}
+        content = {key: getattr(found, key) for key in ("faults", "mistakes", "runs", "videos", "unseen")}
         click.echo(json.dumps(content, indent=1, ensure_ascii=False))
     else:
         for fault in found.faults:
@@ -36,6 +37,12 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
         if not found.faults and not found.mistakes and not quiet:
             videos = f"{found.videos} from video" + ", whose motion turnscope analyze checks" * bool(found.videos)
             click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {videos}")
+        if found.unseen and not quiet:
+            click.echo(
+                f"the motion of {named_runs(found.unseen)} was not compared with commands here (poses, or marks of "
+                "another program); turnscope analyze does so",
+                err=True,
+            )
     if mend and not found.faults:
         if found.videos:
             click.echo("the motion in videos is not checked here, but by turnscope diagnose --write-mended", err=True)

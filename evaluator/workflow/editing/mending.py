@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from evaluator.diagnosis.mistakes.recognised import Correction
 
 LEFT_OUT = "is left out: it cannot be corrected in its files"
+PART = "stays: it is a part of a long recording of poses, whose file holds for all of it"
 
 
 @dataclass(frozen=True)
 class Mended:
-    """The corrected file, and its changes, one sentence for each run."""
+    """The corrected file, or the stated one if nothing in it can be corrected; its changes, a sentence for each run."""
 
     path: Path
     changes: tuple[str, ...]
@@ -40,10 +41,11 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
 
     Runs that cannot be corrected in their files (held, pushed, unlike the robot) are excluded. Corrected marks are
     written to NAME-mended-RUN.csv; comments of the experiment are kept. out: folder of an analysis with the marks of
-    videos, and perhaps of a diagnosis. Raises InputError if such a file exists already or no run would be left.
+    videos and of poses, and perhaps of a diagnosis. Raises InputError if such a file exists already or no run would be
+    left.
     """
     experiment = read_with(load_experiment, path)
-    tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
+    tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.marks is None} if out else {}
     marks = {**given_marks(experiment), **{run: file for run, file in tracked.items() if file.is_file()}}
     found = mistakes_of_marks(experiment, marks)
     mistakes = without_explained(found, experiment, Outputs(out)) if out else found
@@ -58,7 +60,9 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
     robots = {run.id: Path(run.robot or experiment.robot) for run in experiment.run}
     given = {run.id for run in experiment.run if run.marks is not None}
     files: dict[Path, pd.DataFrame] = {}
-    changes = []
+    changes = [f"{run} {PART}" for run in wrong if run not in robots]
+    if len(changes) == len(wrong):
+        return Mended(path, tuple(changes))
     for number in reversed(range(len(rows))):
         run = str(rows[number]["id"])
         if run not in wrong:

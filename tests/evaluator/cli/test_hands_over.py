@@ -18,6 +18,7 @@ from evaluator.cli.simulation.effects import described
 from evaluator.cli.tables import text_table
 from evaluator.errors import InputError
 from evaluator.progress import no_progress
+from evaluator.workflow.checks import Check
 from simulator.effects.catalogue import EFFECTS
 from tests.evaluator.cli.called import run
 
@@ -140,18 +141,27 @@ def test_a_self_test_that_fails_has_status_1(stub: Any, monkeypatch: pytest.Monk
 def test_a_check_tells_errors_and_mistakes_apart(
     stub: Any, faults: list[str], mistakes: list[str], status: int, out: str, err: str
 ) -> None:
-    stub("evaluator.workflow.check_experiment", SimpleNamespace(faults=faults, mistakes=mistakes, runs=1, videos=1))
+    checked = SimpleNamespace(faults=faults, mistakes=mistakes, runs=1, videos=1, unseen=[])
+    stub("evaluator.workflow.check_experiment", checked)
     done = run("check", "e.toml")
     assert (done.return_value, done.stdout, done.stderr) == (status, out, err)
     assert run("check", "e.toml", "-q").stdout == ""
     content = json.loads(run("check", "e.toml", "--json").stdout)
-    assert content == {"faults": faults, "mistakes": mistakes, "runs": 1, "videos": 1}
+    assert content == {"faults": faults, "mistakes": mistakes, "runs": 1, "videos": 1, "unseen": []}
     mended = stub("evaluator.workflow.write_mended", None)
     said = run("check", "e.toml", "--write-mended").stderr
     assert ("no run shows a mistake; nothing is written" in said) == (not faults) == bool(mended)
     mended.result = SimpleNamespace(changes=["r1: turned round"], path=Path("e-mended.toml"))
     if not faults:
         assert run("check", "e.toml", "--write-mended").stderr.endswith("r1: turned round\ne-mended.toml\n")
+
+
+def test_a_check_says_whose_motion_it_has_not_looked_at(stub: Any) -> None:
+    unseen = ("drive", "turn")
+    stub("evaluator.workflow.check_experiment", Check((), 2, 0, unseen=unseen))
+    assert "the motion of drive, turn was not compared with commands here" in run("check", "e.toml").stderr
+    assert run("check", "e.toml", "-q").stderr == ""
+    assert json.loads(run("check", "e.toml", "--json").stdout)["unseen"] == list(unseen)
 
 
 def test_a_circular_test_is_of_an_experiment_or_of_a_robot(stub: Any) -> None:

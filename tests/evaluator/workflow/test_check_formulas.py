@@ -43,6 +43,13 @@ def test_an_experiment_without_faults_is_asked_for_mistakes(day: Any) -> None:
     assert check_experiment(day.path) == Check((), 2, 0, ("a: backward",))
 
 
+def test_runs_of_poses_are_said_to_be_unseen(day: Any) -> None:
+    for name in "ab":
+        day.path.with_name(f"{name}.csv").write_text("time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm\n")
+    day.path.write_text(HEAD + run("a") + run("b", "poses"), encoding="utf-8")
+    assert check_experiment(day.path).unseen == ("b",)
+
+
 @pytest.mark.parametrize("part", ["named", "topics", "outside", "sizes"])
 def test_each_fault_is_told_once_and_no_mistake_beside_it(part: str, day: Any) -> None:
     setattr(day, part, "wrong" if part == "outside" else ["wrong"])

@@ -157,3 +157,19 @@ def test_corrected_marks_lie_beside_the_mended_file(day: Any) -> None:
     assert mended is not None
     assert mended.changes == ("a: marks = day-mended-a.csv, its seconds times 2",)
     assert pd.read_csv(day.path.with_name("day-mended-a.csv"))["time_s"].tolist() == [0.0, 2.0, 4.0]
+
+
+def test_runs_of_poses_are_mended_by_the_marks_of_an_analysis_and_parts_of_them_stay(day: Any) -> None:
+    text = EXPERIMENT.replace('video = "c.mp4"', 'poses = "c.mp4"')
+    assert text != EXPERIMENT
+    day.path.write_text(text, encoding="utf-8")
+    day.wrong.update({"c": Correction(command=(1.0, 2.0)), "c@3.0s": Correction(command=(1.0, 2.0))})
+    mended = mending.write_mended(day.path, day.out)
+    assert day.asked == [["a", "b", "c"]]
+    assert mended is not None
+    assert mended.changes == ("c: left_rpm = 1, right_rpm = 2", f"c@3.0s {mending.PART}")
+    assert 'poses = "c.mp4"' in mended.path.read_text(encoding="utf-8")
+    mended.path.unlink()
+    day.wrong.pop("c")
+    kept = mending.write_mended(day.path, day.out)
+    assert kept == mending.Mended(day.path, (f"c@3.0s {mending.PART}",))
