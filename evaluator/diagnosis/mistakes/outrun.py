@@ -9,6 +9,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import LEAST_LEAP_MM, WINDOW_S, midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.interchange.commands import unsigned_rpm
+from evaluator.robot_geometry import reference_places
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -23,31 +24,48 @@ def rolls_mm_s(left_rpm: float, right_rpm: float, robot: Robot) -> float:
     return unsigned_rpm(left_rpm, right_rpm)[1] * 2 * np.pi * robot.driving_radius_mm / 60
 
 
-def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
-    """A brief time in which a robot gets much farther than its wheels roll, also soon after its start.
+def _carries_mm_s(left_rpm: float, right_rpm: float, robot: Robot) -> float:
+    """Highest speed of the middle of the marks at a command without a push, mm/s.
 
-    No effect drives it faster than its wheels, except a pull that captures it. The fastest command of a log counts, as
+    That of the rims, or of a turn about the axle farthest from the marks, across which the others slide: where magnets
+    hold the front wheels, a robot turns on the spot about these, and what is behind them is faster than their rims.
+    """
+    left, right = (rpm * 2 * np.pi * robot.driving_radius_mm / 60 for rpm in (left_rpm, right_rpm))
+    x, y = np.mean(reference_places(robot), axis=0)
+    yaw = abs(right - left) / robot.track_mm
+    ahead, across = (
+        abs(left + right) / 2 + yaw * abs(y),
+        yaw * float(np.abs(robot.wheel_positions_mm()[:, 0] - x).max()),
+    )
+    return max(rolls_mm_s(left_rpm, right_rpm, robot), float(np.hypot(ahead, across)))
+
+
+def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
+    """A brief time in which a robot gets much farther than its wheels carry it, also soon after its start.
+
+    No effect drives it faster than these, except a pull that captures it. The fastest command of a log counts, as
     motors may follow late. A run that outruns its wheels for longer, or over half of its time, has wrong wheel speeds
     or times. Given poses are not judged: many are held, and then jump.
     """
     driven = run.run_command.driven
     if run.from_poses or not driven:
         return None
-    fastest_mm_s = max(rolls_mm_s(item.left_rpm, item.right_rpm, robot) for item in driven)
+    fastest_mm_s = max(_carries_mm_s(item.left_rpm, item.right_rpm, robot) for item in driven)
     time, middle, _ = midpoint_and_heading(run)
     inside = (time >= driven[0].begin_s) & (time <= driven[-1].end_s)
     time, middle = time[inside], middle[inside]
     if len(time) < 2 * STEADIED or not fastest_mm_s:
         return None
     first_s, later_s, moved = _ways(time, middle)
-    rolled = fastest_mm_s * (later_s - first_s)
-    outrun = moved > PUSHED_SHARE * rolled + LEAST_LEAP_MM
+    carried = fastest_mm_s * (later_s - first_s)
+    outrun = moved > PUSHED_SHARE * carried + LEAST_LEAP_MM
     if not outrun.any() or np.mean(outrun) > 0.5 or np.ptp(first_s[outrun]) > BRIEF_S:
         return None
-    most = int(np.argmax(moved - rolled))
+    most = int(np.argmax(moved - carried))
     begin, stop = first_s[most], later_s[most]
     seen = (
-        f"moves by {moved[most]:.2g} mm from {begin:.2f} to {stop:.2f} s, while its wheels roll {rolled[most]:.2g} mm"
+        f"moves by {moved[most]:.2g} mm from {begin:.2f} to {stop:.2f} s, while its wheels carry it by "
+        f"{carried[most]:.2g} mm at most"
     )
     remedy = "inspect the recording: was the robot pushed or pulled?"
     if time[-1] - later_s[outrun][-1] < WINDOW_S:  # to the end

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs
 from evaluator.diagnosis.mistakes.outrun import outruns_its_wheels
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
-from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven, kinds, session
+from tests.evaluator.diagnosis.straight_session import GREEN, ROBOT, ROLLED_MM_S, YELLOW, driven, kinds, session
 
 TIME = np.arange(180) / 60  # s; driven from 0.5 s on
 
@@ -77,6 +78,33 @@ def test_a_robot_that_outruns_its_wheels_for_a_moment_is_pushed(speed: np.ndarra
     assert outruns_its_wheels(replace(driven(0, speed=speed), from_poses=True), ROBOT) is None
 
 
+NARROW = ROBOT.model_copy(update={"wheels": ROBOT.wheels.model_copy(update={"track_mm": 3.4})})
+
+
+def pivot_about_the_front_axle(push_mm: float = 0.0) -> RunData:
+    """A turn on the spot whose front wheels do not slide: 30 rpm forward on the right, backward on the left.
+
+    0.6 s of it were not recorded; at 2 s, a hand pushes it in 0.1 s.
+    """
+    seen = (TIME < 1.2) | (TIME > 1.8)
+    heading = 2 * ROLLED_MM_S / NARROW.track_mm * np.maximum(TIME[seen] - 0.5, 0.0)
+    push = push_mm * np.clip((TIME[seen] - 2.0) / 0.1, 0.0, 1.0)
+    axle = float(NARROW.wheel_positions_mm()[:, 0].max())
+    paths = [push + complex(x - axle, y) * np.exp(1j * heading) for x, y in (GREEN, YELLOW)]
+    marks = np.column_stack([part for path in paths for part in (path.real, path.imag)])
+    noise = 1e-4 * np.random.default_rng(1).normal(size=marks.shape)
+    return replace(driven(0), left_rpm=-30.0, right_rpm=30.0, time_s=TIME[seen], marks_mm=marks + noise)
+
+
+def test_a_turn_on_the_spot_about_the_front_axle_is_no_push() -> None:
+    """The marks, 3.5 mm behind that axle, are twice as fast as the rims."""
+    assert outruns_its_wheels(pivot_about_the_front_axle(), NARROW) is None
+    assert disturbed_runs(session(pivot_about_the_front_axle()), [NARROW] * 8) == []
+    found = outruns_its_wheels(pivot_about_the_front_axle(2.0), NARROW)
+    assert found is not None
+    assert found.kind == "pushed"
+
+
 def test_motors_that_follow_a_log_late_do_not_make_a_robot_outrun_its_wheels() -> None:
     """Told to slow down from 60 to 8 rpm at 1.5 s, it goes on for 0.3 s."""
     log = RunCommand(Command.steps([(0.5, 60.0, 60.0), (1.5, 8.0, 8.0)]), logged=True)
@@ -96,12 +124,12 @@ def test_a_hand_that_takes_the_robot_away_is_told_with_the_time_at_which_the_run
     assert 2.4 < stop_s <= 2.6
 
 
-def test_a_push_is_told_with_the_way_and_what_the_wheels_roll_meanwhile() -> None:
+def test_a_push_is_told_with_the_way_and_how_far_the_wheels_carry_it_meanwhile() -> None:
     found = outruns_its_wheels(driven(0, speed=pushed(0.7, 0.08, 1.0)), ROBOT)
     assert found is not None
-    rolled = f"{0.15 * ROLLED_MM_S:.2g} mm"
+    carried = f"{0.15 * ROLLED_MM_S:.2g} mm at most"
     assert found.seen.startswith("moves by 1.1 mm from 0.")
-    assert found.seen.endswith(f"while its wheels roll {rolled}")
+    assert found.seen.endswith(f"while its wheels carry it by {carried}")
     wrong = driven(0)
     wrong.marks_mm[90:92] += 3.0  # two frames
     assert outruns_its_wheels(wrong, ROBOT) is None
