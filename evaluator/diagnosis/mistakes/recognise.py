@@ -11,6 +11,8 @@ from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_r
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
+from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
+from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from evaluator.diagnosis.mistakes.start.late_start import late_starts
@@ -23,7 +25,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     robots: one per run, from their files. The last mistake may be of no run, and say that most of hundreds disagree
     with their files and are not read wrongly. On open ground the ground displaces a single run from the model as far as
     a mistake does: there only mistakes of most runs are accepted from poses, and from marks those that need no model,
-    or by which a run disagrees with it several times more than all others.
+    or by which a run disagrees with it several times more than all others; exchanged sides by the sense of the turns.
     """
     reads: list[Misread] = []
 
@@ -61,8 +63,9 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
             for item in found
             if item in same
             or not ((item.run, item.kind) in by_model or item.run in poses)
-            or kinds.count(item.kind) >= MOST * len(data)
+            or (kinds.count(item.kind) >= MOST * len(data) and item.kind not in OTHER_WAY)
         ]
+        found += _of_the_rest(lambda runs, _: turned_otherwise(runs), *read, found)
     said = [
         Mistake((), "outlying", sentence, everywhere=True)
         for sentence in (read.unread for read in reads[-1:])
