@@ -23,6 +23,7 @@ from evaluator.diagnosis.long_sessions import NOT_NEEDED, needed_runs, pieces_of
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.diagnosis.mistakes.start.handling import between_hands
+from evaluator.diagnosis.mistakes.start.log_clock import clocks_off
 from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.tracker_faults import Mended, mended, without_faults
@@ -175,13 +176,17 @@ def mistakes_in(
 
 
 def _in_pieces(session: Session) -> Session:
-    """The session with long recordings of poses on open ground cut into pieces."""
+    """The session with long recordings of poses on open ground cut into pieces, without those with a clock off."""
+    runs = list(zip(session.data, session.robots, strict=True))
+    off = clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)])
     pieces = [
         (piece, robot)
-        for run, robot in zip(session.data, session.robots, strict=True)
+        for run, robot in runs
+        if run.id not in off
         for piece in (pieces_of(run, FEWEST_POSES) if run.from_poses and is_full_size(robot) else (run,))
     ]
-    return replace(session, data=tuple(piece for piece, _ in pieces), robots=tuple(robot for _, robot in pieces))
+    data, robots = tuple(piece for piece, _ in pieces), tuple(robot for _, robot in pieces)
+    return replace(session, data=data, robots=robots, left_out={**session.left_out, **off})
 
 
 def _read(

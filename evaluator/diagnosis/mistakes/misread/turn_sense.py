@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evaluator.diagnosis.likelihood.features import channels_of
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
 from evaluator.diagnosis.mistakes.misread.command_unit import driven
+from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import MOST, Found
 from evaluator.interchange.log_offset import correlations
 
@@ -51,13 +51,10 @@ def turned_otherwise(data: Sequence[RunData]) -> list[Found]:
 
 def sense_of_turn(run: RunData) -> int:
     """1 if a run turns as its command says, -1 if the other way, 0 if neither shows or it drives backward instead."""
-    middle_x, middle_y, line_rad, _ = channels_of(run.marks_mm).T
-    there = np.isfinite(line_rad)
-    if there.sum() < FEWEST_FRAMES:
+    time_s, middle_mm, heading_rad = midpoint_and_heading(run)
+    if len(time_s) < FEWEST_FRAMES:
         return 0
-    heading = np.unwrap(line_rad[there]) - run.line_rad
-    pose = np.column_stack([middle_x[there], middle_y[there], heading])
-    ahead, turn = correlations(run.time_s[there], pose, run.run_command.command.at, DELAYS_S)
+    ahead, turn = correlations(time_s, np.column_stack([middle_mm, heading_rad]), run.run_command.command.at, DELAYS_S)
     best = int(np.abs(turn).argmax())
     if abs(turn[best]) < SHOWS or ahead[best] < -SHOWS:  # driven the opposite way, which is another mistake
         return 0
