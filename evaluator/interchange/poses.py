@@ -41,6 +41,7 @@ KITTI_COLUMNS = 12  # the first three rows of a matrix
 LARGEST_CLOCK_S = 1e6
 # Number of groups of equal values among others from which they are not a coincidence.
 HELD_SHARE, FEWEST_HELD = 0.05, 3
+FEWEST = 4  # poses without uncertainties: a parabola in time passes through three
 NEIGHBOURS = 9  # poses to which a parabola in time is fitted: motion is smooth over this number, noise is not
 MEDIAN_OF_CHI2 = {6: 5.348}  # by degrees of freedom of NEIGHBOURS poses about a parabola
 LEAST_SIGMA_MM, LEAST_SIGMA_RAD = 1e-6, 1e-8  # for simulated poses without noise
@@ -79,6 +80,13 @@ class PoseTable:
 def read_poses(path: Path, topics: Topics | None = None) -> PoseTable:
     """Read poses of any known format; topics: of a bag. Raises InputError that names the line or the column."""
     return read_with(lambda file: _read(file, topics or Topics()), path)
+
+
+def refuse_few(found: PoseTable, path: Path) -> None:
+    """Refuse poses from which neither a motion nor its noise can be determined. Raises InputError."""
+    seen = int(found.table["x_mm"].notna().sum())
+    if seen < FEWEST and not found.noise_stated:
+        raise InputError(f"{path}: {counted(seen, 'pose')}; a motion and its noise show from {FEWEST} poses on")
 
 
 def holds_poses(path: Path) -> bool:

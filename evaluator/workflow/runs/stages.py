@@ -20,7 +20,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
 from evaluator.files.csv_tables import write_table
 from evaluator.interchange.commands import RunCommand
-from evaluator.interchange.poses import poses_of, read_poses, with_marks
+from evaluator.interchange.poses import poses_of, read_poses, refuse_few, with_marks
 from evaluator.interchange.tracks import read_any_marks
 from evaluator.mark_geometry import MarkGeometry, equal_height_mm
 from evaluator.marks import read_marks, write_marks
@@ -132,6 +132,7 @@ class _Stages:
             return [path], {"notes": table.attrs["faults"]}
         if self.run.poses is not None:
             found = read_poses(self.run.poses, self.run.topics)
+            refuse_few(found, self.run.poses)
             write_marks(with_marks(found.table, MarkGeometry.of_robot(self.job.robot)), path)
             return [path], {"notes": found.notes()}
         assert self.run.video is not None  # the file has one of the three, by its validation

@@ -15,7 +15,15 @@ from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.errors import InputError
-from evaluator.interchange.poses import _from_quaternions, _with_noise, held, holds_poses, poses_of, read_poses
+from evaluator.interchange.poses import (
+    _from_quaternions,
+    _with_noise,
+    held,
+    holds_poses,
+    poses_of,
+    read_poses,
+    refuse_few,
+)
 from evaluator.report.build import write_report
 from evaluator.settings import Run as StatedRun
 from evaluator.workflow import analyze, check_experiment
@@ -55,6 +63,17 @@ def test_poses_with_semicolons_and_decimal_commas_are_those_with_points(tmp_path
     commas.write_text(commas.read_text().replace("0,", "0,,", 1))
     with pytest.raises(InputError, match=r"line 2, time_s = '0,,"):
         read_poses(commas)
+
+
+@pytest.mark.parametrize(("rows", "said"), [(2, "2 poses"), (3, "3 poses"), (4, "")])
+def test_a_file_of_poses_that_show_no_motion_is_one_sentence(rows: int, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    noisy(motion()).iloc[:rows].to_csv(path, index=False)
+    if said:
+        with pytest.raises(InputError, match=rf"p.csv: {said}; a motion and its noise show from 4 poses on"):
+            refuse_few(read_poses(path), path)
+    else:
+        refuse_few(read_poses(path), path)
 
 
 def experiment(folder: Path, more: str = "") -> Path:
