@@ -24,6 +24,7 @@ from evaluator.files import read_with, refuse_stream
 from evaluator.files.csv_tables import line_of, numbers_of, read_table, separator_line
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
 from evaluator.interchange.delimited_text import cells_of, delimiter_of
+from evaluator.interchange.pose_units import heading_unit
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.marks import check_marks
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
@@ -71,6 +72,10 @@ class PoseTable:
             )
         if self.twice:
             said.append(f"{counted(self.twice, 'pose')} came twice with the same time; one of each counts")
+        if unit := heading_unit(self.table):
+            said.append(
+                f"its headings look like {unit}: only so do they turn with its path; correct the name of the column"
+            )
         if not self.noise_stated:
             sigma, angle = (self.table[name].median() for name in ("x_sigma_mm", "heading_sigma_deg"))
             said.append(f"noise estimated from the poses: {sigma:.3g} mm, {angle:.3g} degrees")
