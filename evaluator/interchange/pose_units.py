@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 STEP_SIGMAS = 10.0  # a step so much longer than its noise has a direction to 6 degrees
 FEWEST_STEPS = 30
 # Agreement of heading and direction (length of the mean of unit vectors): 1 if they are equal, about 1/sqrt(steps) for
-# directions at random. A sideslip of up to 25 degrees on either side leaves 0.8, as the angles are doubled; half of that
-# is left of headings with a noise of 38 degrees, or of a heading that seems to stand while the path turns by 110.
+# directions at random. A sideslip of up to 25 degrees on either side leaves 0.8, as the angles are doubled; half of
+# that is left of headings with a noise of 38 degrees, or of a heading that seems to stand while the path turns by 110.
 AGREES, DISAGREES = 0.8, 0.4
 UNITS = {"degrees, not radians": np.pi / 180, "radians, not degrees": 180 / np.pi}
 
@@ -29,6 +29,8 @@ def heading_unit(table: pd.DataFrame) -> str:
     sigma_mm = float(np.hypot(table["x_sigma_mm"].median(), table["y_sigma_mm"].median()))
     direction, heading = _steps(pose, STEP_SIGMAS * sigma_mm)
     if len(direction) < FEWEST_STEPS or _agreement(direction, heading) > DISAGREES:
+        return ""
+    if _agreement(direction, np.zeros(len(direction))) > AGREES:  # straight; a robot may spin as it is dragged along
         return ""
     fits = {words: _agreement(direction, times * heading) for words, times in UNITS.items()}
     best = max(fits, key=lambda words: fits[words])

@@ -38,3 +38,9 @@ def test_on_a_straight_path_and_at_rest_no_unit_shows() -> None:
     still[["x_mm", "y_mm"]] = 5.0
     assert heading_unit(still) == ""
     assert heading_unit(still.iloc[:0]) == ""
+
+
+def test_a_robot_that_spins_while_it_is_dragged_along_shows_none_either() -> None:
+    dragged = table()
+    dragged["x_mm"], dragged["y_mm"] = 200 * dragged["time_s"], 0.0
+    assert heading_unit(dragged) == ""
