@@ -27,6 +27,7 @@ from evaluator.report.pages.circular_test import circular_test_section
 from evaluator.report.pages.html import Section, Table
 from evaluator.report.runs import RunView, unit_of
 from evaluator.report.style import Figure
+from evaluator.report.summary import tightest
 from evaluator.report.tables import (
     directions_table,
     of_marks,
@@ -151,7 +152,7 @@ def _budget(turning: Sequence[RunView], analysis: Analysis) -> Section | None:
     able = [run for run in turning if run.run in whole and run.only_mark is None]
     if not able:
         return None
-    run = min(able, key=lambda run: run.value("radius_mm"))
+    run = tightest(able)
     return budget_section(run, budget_of(analysis.experiment, analysis.outputs, run.run))
 
 

@@ -37,6 +37,15 @@ def test_the_tightest_and_the_widest_turn_are_told_with_their_intervals() -> Non
     assert "No run turns" in said(runs[2:])
 
 
+def test_a_short_phase_with_a_wide_interval_is_not_the_tightest_turn() -> None:
+    """Of 124 phases of robots of UTIAS the least radius, 3.6 (0 to 8.8) mm, was that of 0.6 s and 6 degrees."""
+    runs = [turned("turn", 8.0, half=0.5), turned("phase", 2.2, turned_deg=4.0, half=30.0)]
+    assert "radius of 8.0 mm (95 %: 7.5 to 8.5 mm; run turn" in said(runs)
+    assert "run turn" in headline(runs)[0].range
+    unbounded = [turned("open", 1.0, radius_low_mm=0.5, radius_high_mm=inf), runs[0]]
+    assert "run turn" in headline(unbounded)[0].range
+
+
 def test_simulated_radii_are_counted_within_their_intervals_and_the_worst_is_told_with_its_way() -> None:
     runs = [turned("a", 10.0, 2.0, 10.1), turned("b", 10.0, -5.0, 9.9), turned("c", 10.0, 0.1, 10.11)]
     assert "inside the measured 95 % interval in 2 of 3 turns; at worst it is 5.0 % tighter" in said(runs)
