@@ -102,6 +102,12 @@ def track(
         shares = ", ".join(f"{name} in {100 * share:.1f} %" for name, share in tracked.shares.items())
         for line in (*said, f"{output}: {counted(len(tracked.marks), 'frame')}; {shares}"):
             click.echo(line)
+        if unseen := [name for name, share in tracked.shares.items() if not share]:
+            click.echo(
+                f"not found: {', '.join(unseen)}; say color, diameter_px and region_px of each in [mark.NAME] of a "
+                "tracking.toml (--settings), or leave out marks that are not there",
+                err=True,
+            )
 
 
 def _write_images(tracked: Tracked, overlay: Path | None, sheet: Path | None, *, quiet: bool) -> list[str]:

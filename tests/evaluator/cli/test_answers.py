@@ -201,6 +201,14 @@ def test_a_demo_measures_the_samples_solves_the_puzzle_and_has_the_worse_status(
         assert asked[-1][4] == (8 if given else None)
 
 
+def test_a_track_says_what_to_do_about_a_mark_that_is_in_no_frame(stub: Any) -> None:
+    seen = {"green": 1.0, "blue": 0.0}
+    stub("evaluator.workflow.track_recording", SimpleNamespace(marks=pd.DataFrame({"x": [1]}), notes=(), shares=seen))
+    done = run("track", "r.mp4", "-o", "r.csv")
+    assert done.stdout == "r.csv: 1 frame; green in 100.0 %, blue in 0.0 %\n"
+    assert done.stderr.startswith("not found: blue; say color, diameter_px and region_px of each in [mark.NAME]")
+
+
 def test_a_track_says_in_how_many_frames_each_mark_is_seen_and_writes_the_images_asked_for(
     stub: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
