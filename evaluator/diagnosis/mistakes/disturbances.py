@@ -137,7 +137,10 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
             whole = len(wrongly) == len(mine) and begins == wrongly[0].start_s
             when = "" if whole else f" from {begins:.2f} s on"
             remedy = "inspect the recording: is the robot held, or a motor off?"
-            found.append(Found(run.id, "stuck", f"hardly moves{when}, though runs of slower wheels do", remedy))
+            faster = unsigned_rpm(wrongly[0].left_rpm, wrongly[0].right_rpm)[1]
+            slower = any(not stands and 0 < speeds[1] <= faster for speeds, stands in counts)
+            than = "though runs of slower wheels do" if slower else "and no run of slower wheels does"
+            found.append(Found(run.id, "stuck", f"hardly moves{when}, {than}", remedy))
             continue
         if all(id(phase) in standing for phase in mine):
             continue

@@ -10,6 +10,7 @@ from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
+from evaluator.diagnosis.mistakes.misread.dead_band import beyond_a_dead_band
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
 from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
 from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
@@ -39,7 +40,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(wrong_scale, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)
-    standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
+    still = standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
     if len(standing) >= MOST * len(data) and share_a_factor(data, robots):  # they move, but far less than commanded
         standing = set()
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
@@ -53,6 +54,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     if disturbed or len(logs) < len(data):  # otherwise the same runs were tested already
         found += _of_the_rest(misread_runs, *read, found)
     found += _of_the_rest(late_starts, *read, found)
+    found = beyond_a_dead_band(found, data, still)
     doubtful = contradicting_copies(data, found)
     found, same = [*found, *doubtful], [*same, *doubtful]
     if any_full_size(robots):
