@@ -196,7 +196,8 @@ def decide(
     beside = bool(likely) and named < likely[0] and any(map(grows_with_time, likely[0]))
     carries = search.problem.open_ground or not beside or _predicts(search, likely[0], named)
     if share > DOUBT and carries and pays(search, table, families, likely[0]):
-        return likely[0], "unknown", "a free-form term explains the runs at least as well as the effects found"
+        than = " at least as well as the effects found" if named else ", and no effect of the catalogue does as well"
+        return likely[0], "unknown", f"a free-form term explains the runs{than}"
     # also better than named effects that are not significant, because chance may imitate both kinds
     likeliest = next(ids for ids in table.sets if not any(map(is_free, ids)))
     for ids in free:

@@ -92,7 +92,7 @@ def equivalents_sentence(effect: Json) -> str:
     if not others:
         return ""
     named = [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
-    return f"These runs cannot distinguish it from: {', or '.join(named)}."
+    return f"These runs cannot distinguish {effect['id']} from: {', or '.join(named)}."
 
 
 def moved_marks_sentence(content: Json) -> str:
@@ -247,7 +247,10 @@ def _known(sigmas: Json | None) -> dict[str, float]:
 
 
 def _listed(words: Sequence[str]) -> str:
-    return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
+    """A list in words; its parts end with semicolons if they are lists themselves."""
+    between = "; " if any(mark in word for word in words for mark in (" and ", ", ")) else ", "
+    last = "; and " if between == "; " else " and "
+    return between.join(words[:-1]) + last + words[-1] if len(words) > 1 else words[0]
 
 
 def _run_words(run: Json) -> str:

@@ -80,9 +80,10 @@ def test_a_run_determines_as_much_of_an_effect_as_it_knows_beside_the_scatter(ga
 
 def test_friction_and_start_that_follow_the_heading_are_told_whatever_gain_of_the_wheels_matters() -> None:
     rng, angle = np.random.default_rng(7), np.linspace(0.0, 5.0, 12)
+    places = 10.0 * rng.normal(size=(12, 2))
     data = [
-        replace(run_data(30.0, 20.0, number), marks_mm=np.tile([3 * np.cos(a), 3 * np.sin(a), 0.0, 0.0], (4, 1)))
-        for number, a in enumerate(angle)
+        replace(run_data(30.0, 20.0, number), marks_mm=np.tile([x + 3 * np.cos(a), y + 3 * np.sin(a), x, y], (4, 1)))
+        for number, (a, (x, y)) in enumerate(zip(angle, places, strict=True))
     ]
     unit, slopes = np.eye(9), 100.0 / TAU
     for which, what in ((0, "friction"), (3, "start")):

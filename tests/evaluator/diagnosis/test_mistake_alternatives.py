@@ -104,6 +104,8 @@ def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror()
     mistyped += [(0.0, 20.0), (30.0, 0.0), (60.0, 40.0)]
     assert [other.command for other in found["wrong-command"]] == [(60.0, 20.0), *mistyped]
     assert "late-start" not in found
+    backward = ways_of(replace(run, left_rpm=-15.0, right_rpm=-6.0))["wrong-command"]
+    assert "-15 / 0" in [f"{left:g} / {right:g}" for left, right in (other.command for other in backward)]  # not -0
     assert "sides-swapped" not in ways_of(replace(run, left_rpm=20.0))
     assert "reversed" not in ways_of(replace(run, left_rpm=0.0, right_rpm=0.0))
 

@@ -75,6 +75,13 @@ def test_a_free_term_that_pays_and_is_twice_as_probable_casts_doubt_and_half_as_
     assert (said, remark in reason) == (answer, True)
 
 
+def test_a_free_term_beside_which_no_effect_was_found_is_not_compared_with_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, table = ranked({FREE: 20.0, NONE: 0.0})
+    predicting(monkeypatch, lambda *_: True)
+    found = decide(search, table, 95, NONE)
+    assert found == (FREE, "unknown", "a free-form term explains the runs, and no effect of the catalogue does as well")
+
+
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("carries_over", [True, False])
 @pytest.mark.parametrize(("least_material", "asked"), [(-np.inf, False), (5.0, True)])

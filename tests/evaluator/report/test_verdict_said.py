@@ -110,7 +110,12 @@ def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_b
     }
     (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=False))
     text = " ".join(verdict.text)
-    for said in ("Missing in the model: the plate is not level", "So.", "cannot distinguish it from", "4.2 sigmas"):
+    for said in (
+        "Missing in the model: the plate is not level",
+        "So.",
+        "cannot distinguish plate-tilt from",
+        "4.2 sigmas",
+    ):
         assert said in text
     assert "but not named: dead-band" in text
     assert "after this diagnosis" not in text

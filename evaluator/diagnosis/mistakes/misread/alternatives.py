@@ -152,7 +152,7 @@ def _mistyped(run: RunData) -> list[Alternative]:
     left, right = run.command
     found = []
     for times, what in MISTYPED.items():
-        for command in ((times * left, right), (left, times * right)):
+        for command in ((times * left + 0.0, right), (left, times * right + 0.0)):  # + 0: a side that is off is not -0
             if command not in {(left, right), (-left, -right), (right, left)}:
                 words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm, not {left:g} / {right:g}"
                 changed = replace(run, left_rpm=command[0], right_rpm=command[1])
