@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.free_form import PREFIX
+from evaluator.diagnosis.inference.fit import LAGGING
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set, log_prior
@@ -112,20 +113,32 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
     """Fit near effects in place of one of a set; return separations of those that cannot be fitted there.
 
     Their separation is at least that of a linearization at the set without either effect: beside an effect that depends
-    on load, a weaker magnet resembles a smaller effect; without that effect, it does not.
+    on load, a weaker magnet resembles a smaller effect; without that effect, it does not. If a fit ends far below, from
+    there and from the whole set, it is that of its evidence: by a linearization, magnets seemed to act like a spring
+    that moved straight runs by 0.2 mm.
     """
-    without = search.fits.get(ids - {effect})
+    fit, without = search.fits[ids], search.fits.get(ids - {effect})
     if without is None or not near:
         return {}
     smooth = [name for name in sorted(without.terms) if not search.terms[name].stepwise]
     view = screen(search, without.point, smooth, [search.terms[name] for name in near])
     found = {}
     for offer in sorted(view.offers, key=view.evidence):
-        name = offer[0]
-        instead = fit_set(search, without.terms | {name}, {name: view.start_of(offer)}, without, search.explained)
+        name, begin = offer[0], {offer[0]: view.start_of(offer)}
+        rival, evidence = without.terms | {name}, view.evidence(offer)
+        instead = fit_set(search, rival, begin, without, search.explained)
+        if instead is None and _lags(search, rival):
+            instead = fit_set(search, rival, begin, fit, search.explained)
         if instead is None:
-            found[name] = max(near[name], _odds_sigmas(search.fits[ids], view.evidence(offer)))
+            if _lags(search, rival):
+                evidence = min(evidence, search.evidence(rival))
+            found[name] = max(near[name], _odds_sigmas(fit, evidence))
     return found
+
+
+def _lags(search: Search, ids: Set) -> bool:
+    """Whether the fit of a set ended because it stayed far below a model that explains the runs; see fit_model."""
+    return -np.inf < search.evidence(ids) < search.explained - LAGGING
 
 
 def _odds_sigmas(fit: Fit, evidence: float) -> float:

@@ -28,7 +28,10 @@ def test_separation_is_the_part_of_an_effect_that_the_others_cannot_make() -> No
 
 
 def separable(
-    monkeypatch: pytest.MonkeyPatch, others: dict[frozenset[str], float], most: int | None = None
+    monkeypatch: pytest.MonkeyPatch,
+    others: dict[frozenset[str], float],
+    most: int | None = None,
+    explained: float = -np.inf,
 ) -> dict[str, dict[str, float]]:
     """Effect a of 2 units of 3 sigmas, beside b, seen from two places, and c; others: evidence of other fitted sets."""
     along = {"a": [3.0, 0.0, 0.0], "b": [1.0, 1.0, 0.0], "b'": [2.0, 0.0, 1.0], "c": [0.0, 1.0, 1.0]}
@@ -63,7 +66,9 @@ def separable(
     terms = {name: SimpleNamespace(id=name, stepwise=False) for name in "abc"} | {
         "free:x": SimpleNamespace(id="free:x")
     }
-    search: Any = SimpleNamespace(fits={A: fit, **rest}, terms=terms, explained=-np.inf)
+    ended: dict[frozenset[str], float] = {}
+    search: Any = SimpleNamespace(fits={A: fit, **rest}, terms=terms, explained=explained, failed=ended)
+    search.evidence = lambda ids: ended.get(ids, -np.inf)
     return separations(search, A, most)
 
 
@@ -115,6 +120,23 @@ def test_what_cannot_be_fitted_instead_is_as_far_as_its_best_odds_without_either
     found = separable(monkeypatch, {NONE: 1.0})["a"]
     assert found["b"] == pytest.approx(np.sqrt(2 * (50 - 44)))  # of 44 and 43 from its two places
     assert found["c"] == 6.0  # by odds of 42, 4 sigmas
+
+
+@pytest.mark.parametrize(("ends", "begun", "sigmas"), [(-10.5, "two", 11.0), (-9.5, "one", np.sqrt(12))])
+def test_what_ends_far_below_instead_from_either_place_is_as_far_as_its_own_evidence(
+    ends: float, begun: str, sigmas: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model explains the runs at 50: what stays 60 below is no equivalent, however near it is in the linear view."""
+    origins: list[Any] = []
+
+    def fit_set(search: Any, ids: frozenset[str], _starts: Any, origin: Any, _rival: float) -> None:
+        origins.append(origin)
+        search.failed[ids] = ends
+
+    monkeypatch.setattr(model_comparison, "fit_set", fit_set)
+    found = separable(monkeypatch, {NONE: 1.0}, explained=50.0)["a"]
+    assert found["b"] == pytest.approx(sigmas)
+    assert len({id(origin) for origin in origins}) == {"one": 1, "two": 2}[begun]
 
 
 @pytest.mark.parametrize(("simulated", "gain"), [(True, 5.0), (False, np.nan)])
