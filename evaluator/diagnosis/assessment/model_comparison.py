@@ -112,12 +112,12 @@ def separations(search: Search, ids: Set, most: int | None = None) -> dict[str, 
 def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -> dict[str, float]:
     """Fit near effects in place of one of a set; return separations of those that cannot be fitted there.
 
-    Their separation is at least that of a linearization at the set without either effect: beside an effect that depends
-    on load, a weaker magnet resembles a smaller effect; without that effect, it does not. If a fit ends far below, from
-    there and from the whole set, it is that of its evidence: by a linearization, magnets seemed to act like a spring
-    that moved straight runs by 0.2 mm.
+    Their separation is at least that of a linearization at the set without either effect, if its fit converged: beside
+    an effect that depends on load, a weaker magnet resembles a smaller effect; without it, it does not. If a fit ends
+    far below, from there and from the whole set, the separation is that of its evidence: by a linearization, magnets
+    were half a sigma from a spring that moved straight runs by 0.2 mm.
     """
-    fit, without = search.fits[ids], search.fits.get(ids - {effect})
+    fit, without = search.fits[ids], search.reached(ids - {effect})
     if without is None or not near:
         return {}
     smooth = [name for name in sorted(without.terms) if not search.terms[name].stepwise]
@@ -125,7 +125,7 @@ def _by_odds(search: Search, ids: Set, effect: str, near: Mapping[str, float]) -
     found = {}
     for offer in sorted(view.offers, key=view.evidence):
         name, begin = offer[0], {offer[0]: view.start_of(offer)}
-        rival, evidence = without.terms | {name}, view.evidence(offer)
+        rival, evidence = without.terms | {name}, view.evidence(offer) if without.converged else np.inf
         instead = fit_set(search, rival, begin, without, search.explained)
         if instead is None and _lags(search, rival):
             instead = fit_set(search, rival, begin, fit, search.explained)

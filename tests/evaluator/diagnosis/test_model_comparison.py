@@ -32,6 +32,8 @@ def separable(
     others: dict[frozenset[str], float],
     most: int | None = None,
     explained: float = -np.inf,
+    *,
+    converged: bool = True,
 ) -> dict[str, dict[str, float]]:
     """Effect a of 2 units of 3 sigmas, beside b, seen from two places, and c; others: evidence of other fitted sets."""
     along = {"a": [3.0, 0.0, 0.0], "b": [1.0, 1.0, 0.0], "b'": [2.0, 0.0, 1.0], "c": [0.0, 1.0, 1.0]}
@@ -60,7 +62,7 @@ def separable(
         posterior=SimpleNamespace(scatter=np.array(TAU_FITTED), log_evidence=50.0),
     )
     rest = {
-        ids: SimpleNamespace(posterior=SimpleNamespace(log_evidence=value), terms=ids, point=None)
+        ids: SimpleNamespace(posterior=SimpleNamespace(log_evidence=value), terms=ids, point=None, converged=converged)
         for ids, value in others.items()
     }
     terms = {name: SimpleNamespace(id=name, stepwise=False) for name in "abc"} | {
@@ -68,7 +70,7 @@ def separable(
     }
     ended: dict[frozenset[str], float] = {}
     search: Any = SimpleNamespace(fits={A: fit, **rest}, terms=terms, explained=explained, failed=ended)
-    search.evidence = lambda ids: ended.get(ids, -np.inf)
+    search.evidence, search.reached = lambda ids: ended.get(ids, -np.inf), search.fits.get
     return separations(search, A, most)
 
 
@@ -120,6 +122,13 @@ def test_what_cannot_be_fitted_instead_is_as_far_as_its_best_odds_without_either
     found = separable(monkeypatch, {NONE: 1.0})["a"]
     assert found["b"] == pytest.approx(np.sqrt(2 * (50 - 44)))  # of 44 and 43 from its two places
     assert found["c"] == 6.0  # by odds of 42, 4 sigmas
+
+
+def test_a_set_without_either_that_did_not_converge_is_no_evidence_of_a_distance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(model_comparison, "fit_set", lambda *_: None)
+    assert separable(monkeypatch, {NONE: 1.0}, converged=False)["a"]["b"] == pytest.approx(6 / np.sqrt(5))
 
 
 @pytest.mark.parametrize(("ends", "begun", "sigmas"), [(-10.5, "two", 11.0), (-9.5, "one", np.sqrt(12))])
