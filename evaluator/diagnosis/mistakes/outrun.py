@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from evaluator.diagnosis.mistakes.motion import LEAST_LEAP_MM, WINDOW_S, midpoin
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import reference_places
+from simulator.command import Stretch
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -21,23 +24,24 @@ STEADIED = 7  # frames of a median, which three wrong ones do not move
 
 def rolls_mm_s(left_rpm: float, right_rpm: float, robot: Robot) -> float:
     """Speed of the rims of the faster side at a command, mm/s, never negative."""
-    return unsigned_rpm(left_rpm, right_rpm)[1] * 2 * np.pi * robot.driving_radius_mm / 60
+    return unsigned_rpm(left_rpm, right_rpm)[1] * _mm_s_per_rpm(robot)
 
 
-def _carries_mm_s(left_rpm: float, right_rpm: float, robot: Robot) -> float:
-    """Highest speed of the middle of the marks at a command without a push, mm/s.
+def _mm_s_per_rpm(robot: Robot) -> float:
+    return 2 * np.pi * robot.driving_radius_mm / 60
+
+
+def _carries_mm_s(driven: Sequence[Stretch], robot: Robot) -> float:
+    """Highest speed of the middle of the marks at any of some commands without a push, mm/s.
 
     That of the rims, or of a turn about the axle farthest from the marks, across which the others slide: where magnets
     hold the front wheels, a robot turns on the spot about these, and what is behind them is faster than their rims.
     """
-    left, right = (rpm * 2 * np.pi * robot.driving_radius_mm / 60 for rpm in (left_rpm, right_rpm))
+    left, right = np.array([(item.left_rpm, item.right_rpm) for item in driven]).T * _mm_s_per_rpm(robot)
     x, y = np.mean(reference_places(robot), axis=0)
-    yaw = abs(right - left) / robot.track_mm
-    ahead, across = (
-        abs(left + right) / 2 + yaw * abs(y),
-        yaw * float(np.abs(robot.wheel_positions_mm()[:, 0] - x).max()),
-    )
-    return max(rolls_mm_s(left_rpm, right_rpm, robot), float(np.hypot(ahead, across)))
+    yaw, arm = np.abs(right - left) / robot.track_mm, np.abs(robot.wheel_positions_mm()[:, 0] - x).max()
+    turned = np.hypot(np.abs(left + right) / 2 + yaw * abs(y), yaw * arm)
+    return float(np.max([np.abs(left), np.abs(right), turned]))
 
 
 def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
@@ -50,14 +54,16 @@ def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     driven = run.run_command.driven
     if run.from_poses or not driven:
         return None
-    fastest_mm_s = max(_carries_mm_s(item.left_rpm, item.right_rpm, robot) for item in driven)
+    rims_mm_s = max(rolls_mm_s(item.left_rpm, item.right_rpm, robot) for item in driven)
     time, middle, _ = midpoint_and_heading(run)
     inside = (time >= driven[0].begin_s) & (time <= driven[-1].end_s)
     time, middle = time[inside], middle[inside]
-    if len(time) < 2 * STEADIED or not fastest_mm_s:
+    if len(time) < 2 * STEADIED or not rims_mm_s:
         return None
     first_s, later_s, moved = _ways(time, middle)
-    carried = fastest_mm_s * (later_s - first_s)
+    if not (moved > PUSHED_SHARE * rims_mm_s * (later_s - first_s) + LEAST_LEAP_MM).any():  # nearly all runs
+        return None
+    carried = _carries_mm_s(driven, robot) * (later_s - first_s)
     outrun = moved > PUSHED_SHARE * carried + LEAST_LEAP_MM
     if not outrun.any() or np.mean(outrun) > 0.5 or np.ptp(first_s[outrun]) > BRIEF_S:
         return None
