@@ -22,6 +22,7 @@ from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.profile_likelihood import profiles_of
+from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
@@ -223,15 +224,13 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     free = ready.free
     if ready.problem.open_ground:
         part, everything = searched_on_ground(ready, progress)
+        unrefined = part
     else:
         part = search_named(ready, progress, seeds)
         if diverging := diverging_runs(part):
             rest = session.leaving_out(diverging, DIVERGING)
             return _searched(rest, progress, fits, seeds_without(part, diverging))
-        if suspected := suspected_runs(part):
-            found = _searched(session.leaving_out(suspected, DIVERGING), progress, fits)
-            if found.verdict in ("none", "effect"):
-                return found
+        unrefined = part
         part = refined(part, ready.start, progress)
         everything = fit_on_all_runs(part, ready.terms)
         challenge_with_free_terms(everything, free, progress)
@@ -264,7 +263,24 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         known_together=said.known_together,
     )
     found = reviewed(found, ready.start)
-    return found if found.verdict != "unknown" or ready.problem.open_ground else _in_parts(found, progress)
+    if found.verdict != "unknown" or ready.problem.open_ground:
+        return found
+    return _without_suspected(unrefined, session, progress, fits) or _in_parts(found, progress)
+
+
+def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
+    """The diagnosis without runs that may diverge, of a session that no model explains; None if they are not the cause.
+
+    part: the search over named effects. Also None if the time ends before.
+    """
+    suspected = suspected_runs(part)
+    if not suspected:
+        return None
+    try:
+        again = _searched(session.leaving_out(suspected, DIVERGING), watch, fits)
+    except SearchStoppedError:
+        return None
+    return again if again.verdict in ("none", "effect") else None
 
 
 def _in_parts(found: Diagnosis, watch: Watch) -> Diagnosis:

@@ -123,15 +123,28 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     assert found.held_out == (1,)  # the second of the three that remain
 
 
-@pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient"])
+@pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient", "stopped"])
 def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
     verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    answering(monkeypatch, "unknown", open_ground=False)
+    unknown = module.answer(None, None, None)  # type: ignore[arg-type]
     answering(monkeypatch, verdict, open_ground=False)
-    told = iter([[1, 2], [], []])
-    monkeypatch.setattr(module, "suspected_runs", lambda _: next(told))
+    then, told = module.answer, iter([unknown])
+
+    def answer(*given: Any) -> Any:
+        if (first := next(told, None)) is not None:
+            return first
+        if verdict == "stopped":
+            raise SearchStoppedError(7.0, "")
+        return then(*given)
+
+    monkeypatch.setattr(module, "answer", answer)
+    suspected = iter([[1, 2], []])
+    monkeypatch.setattr(module, "suspected_runs", lambda part: next(suspected) if part == "named" else [])
     found = _diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
     explained = verdict in ("effect", "none")
+    assert found.verdict == (verdict if explained else "unknown")
     assert [step for step, *_ in done].count("search_named") == 2
     assert [run.id for run in found.session.data] == (["r0", "r3", "r4"] if explained else [f"r{k}" for k in range(5)])
     assert found.session.left_out == ({"r1": DIVERGING, "r2": DIVERGING} if explained else {})
