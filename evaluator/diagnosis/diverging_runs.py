@@ -27,9 +27,8 @@ DIVERGES = 0.5
 # Misfit of a run over the median of all from which it stands out where no model explains the runs: a robot that a
 # magnet had captured in one run, and not in the model, had 85 times the median, the others at most 1.4 times.
 STANDS_OUT = 10.0
-TRIED = (
-    3  # fits at which runs are suspected: where none converges, a run is on the wrong path at some, at others on none
-)
+# Fits at which runs are suspected: where none converges, a run is on its other path at some of them, but not at all.
+TRIED = 3
 DIVERGING = (
     "its motion diverges: a change of friction far below its tolerance leads to another path, so that the run shows "
     "nothing about the model"

@@ -27,11 +27,12 @@ def beyond_a_dead_band(found: Sequence[Found], data: Sequence[RunData], standing
         stands = _stands(run, item, run.id in standing)
         if stands is None:
             continue
-        wheels = [(abs(rpm), still_so) for rpm, still_so in zip(run.command, stands, strict=True) if rpm]
-        still += [rpm for rpm, still_so in wheels if still_so]
-        turning += [rpm for rpm, still_so in wheels if not still_so]
-        if item is not None and any(still_so for _, still_so in wheels):
-            slow.add(run.id)
+        for rpm, is_still in zip(run.command, stands, strict=True):
+            if not rpm:
+                continue
+            (still if is_still else turning).append(abs(rpm))
+            if is_still and item is not None:
+                slow.add(run.id)
     if len(slow) < SEVERAL or max(still) >= min(turning, default=0.0):
         return list(found)
     return [item for item in found if item.run not in slow]
