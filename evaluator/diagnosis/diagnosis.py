@@ -265,29 +265,30 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     found = reviewed(found, ready.start)
     if found.verdict != "unknown" or ready.problem.open_ground:
         return found
-    return _without_suspected(unrefined, session, progress, fits) or _in_parts(found, progress)
+    try:
+        again = _without_suspected(unrefined, session, progress, fits)
+    except SearchStoppedError:  # the verdict stands
+        return found
+    return again or _in_parts(found, progress)
 
 
 def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
     """The diagnosis without runs that may diverge, of a session that no model explains; None if they are not the cause.
 
-    part: the search over named effects. Also None if the time ends before.
+    part: the search over named effects.
     """
     suspected = suspected_runs(part)
     if not suspected:
         return None
-    try:
-        again = _searched(session.leaving_out(suspected, DIVERGING), watch, fits)
-    except SearchStoppedError:
-        return None
+    again = _searched(session.leaving_out(suspected, DIVERGING), watch, fits)
     return again if again.verdict in ("none", "effect") else None
 
 
 def _in_parts(found: Diagnosis, watch: Watch) -> Diagnosis:
     """The diagnosis of an unknown disagreement, whose reason says so if it is that of two parts of the session."""
     assert found.search is not None
-    watch("two parts of the session", 0.97)
     try:
+        watch("two parts of the session", 0.97)
         parts = parted(found.search, found.session, watch, [found.named, found.chosen, found.search.ranked()[0]])
     except SearchStoppedError:
         return found
