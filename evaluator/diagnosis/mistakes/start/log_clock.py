@@ -18,7 +18,7 @@ from evaluator.robust import robust_sigma
 from evaluator.turning.clock import MOST_LATE_S
 
 # Widest 95 % interval of an offset that is used, s. Of 12 recordings of robots of UTIAS of one to three minutes it was
-# 0.03 to 0.22 s; offsets that were wrong had intervals of 0.4 s and more.
+# 0.02 to 0.22 s; offsets that were wrong had intervals of 0.4 s and more.
 WIDEST_S = 0.2
 FEWEST = 3  # runs of which one may be unlike the others
 
