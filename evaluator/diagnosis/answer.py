@@ -48,7 +48,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict in ("none", "effect"):
         wider = name_what_is_off(search, chosen, session.known, len(free))
         if wider != chosen:
-            reason = f"{', '.join(sorted(wider - chosen))} is needed to keep values within three tolerances"
+            off = [item.quantity.name for item in knowledge(session.known, search.fits[chosen]) if item.is_finding]
+            more = " and ".join(sorted(wider - chosen))
+            reason = f"without {more}, the runs contradict the tolerance of: {', '.join(off)}"
             chosen, named, verdict, table = wider, wider, "effect", standing(search, len(free))
     done = {effect: changes(search.problem, search.fits[chosen], effect) for effect in chosen}
     negligible: Set = frozenset()

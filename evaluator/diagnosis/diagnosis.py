@@ -21,6 +21,7 @@ from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspec
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.limits import limits
 from evaluator.diagnosis.inference.profile_likelihood import profiles_of
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
@@ -64,20 +65,22 @@ def diagnose(
     """
     with Cores(cores) as each:
         found = _on_all_but_sole_runs(session, Watch(progress, seconds, each), fits)
-        return _with_next_runs(without_explained_mistakes(found), progress)
+        return _completed(without_explained_mistakes(found), progress)
 
 
-def _with_next_runs(found: Diagnosis, progress: Progress) -> Diagnosis:
-    """The final diagnosis with the runs to record next, which take as long as a dozen fits.
+def _completed(found: Diagnosis, progress: Progress) -> Diagnosis:
+    """The final diagnosis with what the runs exclude, and with the runs to record next.
 
-    They are no part of the search and are not stopped by its time limit.
+    These take as long as a dozen fits. They are no part of the search and are not stopped by its time limit.
     """
     if found.search is None or found.standing is None:
         return found
+    progress("what the runs exclude", 0.97)
+    excluded = limits(found.search, found.chosen) if found.verdict in ("none", "effect") else ()
     progress("what to record next", 0.98)
     apart = found.separation or {}
     runs = best_next_runs(found.search, found.chosen, found.standing, apart, found.session.known)
-    return replace(found, next_runs=runs)
+    return replace(found, limits=excluded, next_runs=runs)
 
 
 def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:

@@ -18,6 +18,7 @@ from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.design.next_runs import NextRuns
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.limits import Limit
 from evaluator.diagnosis.inference.profile_likelihood import Profile
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.problem import Problem
@@ -48,6 +49,7 @@ class Diagnosis:
     where: tuple[Dependence, ...] = ()
     pieces_after: pd.DataFrame | None = None  # with the residuals of the chosen model, fitted to all runs
     left: tuple[Dependence, ...] = ()  # all tested dependences of pieces_after, significant or not
+    limits: tuple[Limit, ...] = ()  # of effects that the model lacks
     next_runs: NextRuns | None = None
     outlying: tuple[int, ...] = ()  # runs that the chosen model does not explain
     follows: bool = True  # whether the chosen model explains nearly all runs

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from simulator.effects.catalogue import BUILT_IN
 from tests.benchmarks.laboratory_table import line, table
 from tests.laboratory import mess, odd, outside
 from tests.laboratory.disagreement import Item, disagreements
@@ -160,6 +161,23 @@ def counted(true: Sequence[Item], said: Sequence[dict[str, Any]]) -> list[int]:
     return [len(known & named), len(named - known), len(known - named)]
 
 
+def limits_that_hold(truth: dict[str, Any], answer: dict[str, Any]) -> list[bool]:
+    """Whether each limit of an effect that is not named contains its true size; of those that can fail."""
+    found = []
+    for item in answer.get("limits", []):
+        effect, parameter = item["id"], item["parameter"]
+        declared = BUILT_IN[effect].parameter(parameter)
+        assert declared is not None
+        true = truth["effects"].get(effect, {}).get(parameter, declared.absent)
+        if true != declared.absent or None not in (item["low"], item["high"]):
+            low, high = (
+                -np.inf if item["low"] is None else item["low"],
+                np.inf if item["high"] is None else item["high"],
+            )
+            found.append(bool(low <= true <= high))
+    return found
+
+
 def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     """What an answer says and how it compares with the truth."""
     effects = {effect["id"]: effect for effect in answer.get("effects", []) if "id" in effect}
@@ -197,6 +215,7 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
         "false_mistakes": [m for m in mistakes if not set(m["runs"]) & set(wanted["runs"])],
         "ranks": ranks,
         "covered": covered,
+        "limits": limits_that_hold(truth, answer),
         "gap": {key: (gap.get(key) or {}).get("held_out") for key in ("before", "after")},
         "noise_floor": gap.get("noise_floor"),
     }

@@ -109,7 +109,8 @@ def _ranks(rows: list[dict[str, Any]]) -> list[str]:
         mine = [rank for other, rank in ranks if other == name]
         if len(mine) >= 5:
             lines.append(f"  {name:40} p = {stats.kstest(mine, 'uniform').pvalue:.3g} ({len(mine)})")
-    return lines
+    holding = [value for r in rows if r["truth"]["kind"] != "outside" for value in r["limits"]]
+    return [*lines, f"limits of effects not named that hold {share(sum(holding), len(holding))}  [95 %]"]
 
 
 def _gaps(rows: list[dict[str, Any]]) -> list[str]:

@@ -187,13 +187,17 @@ def _designs(table: pd.DataFrame, quantity: str) -> dict[tuple[str, str], tuple[
 
 
 def root_mean_squares(table: pd.DataFrame) -> dict[str, Interval]:
-    """Size of each disagreement: RMS over all pieces with 95 % bounds from the scatter over runs."""
+    """Size of each disagreement: RMS over all pieces with 95 % bounds from the scatter over runs.
+
+    The bounds are those of its logarithm: a mean square is skewed, and never 0 where the pieces disagree.
+    """
     squares = (table[list(QUANTITIES)] ** 2).groupby(table["run"]).mean()
     reach = float(special.stdtrit(max(len(squares) - 1, 1), 0.975)) / np.sqrt(len(squares))
     found = {}
     for name in QUANTITIES:
         mean, spread = float(squares[name].mean()), float(squares[name].std(ddof=1)) * reach
-        found[name] = (np.sqrt(mean), np.sqrt(max(mean - spread, 0.0)), np.sqrt(mean + spread))
+        factor = np.exp(0.5 * spread / mean) if mean > 0 else 1.0
+        found[name] = (np.sqrt(mean), np.sqrt(mean) / factor, np.sqrt(mean) * factor)
     return found
 
 

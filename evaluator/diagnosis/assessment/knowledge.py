@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     Quantity,
 )
 from evaluator.turning.motion.curvature import Z_975
+from evaluator.wording import verb
 
 # Effects with the same response as a quantity: a value far outside its tolerance may be such an effect.
 ALIKE = {
@@ -31,6 +32,9 @@ ALIKE = {
     **dict.fromkeys(GRAVITY, "mass-offset"),
     **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), "drive-speed-scale"),
 }
+# Further ones: slip depends on ratios of speeds, so that a robot with faster wheels moves like one that was filmed with
+# a slow clock.
+ALSO_ALIKE = {CLOCK: ("drive-speed-scale",), **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), ("time-base",))}
 OF_A_MARK = ("_x_mm", "_y_mm")  # suffixes of the keys of positions of marks and of the centre of gravity
 DETERMINED = 0.5  # share by which the runs reduce the prior variance of a combination that they determine
 MOST_NAMED = 4  # values in a sentence; all are in diagnosis.json
@@ -59,6 +63,11 @@ class Knowledge:
         return ALIKE.get(key, "mark-offset" if key.endswith(OF_A_MARK) else None)
 
     @property
+    def equivalent(self) -> tuple[str, ...]:
+        """Ids of the effects that these runs cannot distinguish from the deviation."""
+        return (*([self.alike] if self.alike else []), *ALSO_ALIKE.get(self.quantity.key, ()))
+
+    @property
     def sentence(self) -> str:
         """The deviation in words."""
         item = self.quantity
@@ -66,7 +75,8 @@ class Knowledge:
             way = "later" if self.found > 0 else "earlier"
             return f"motion starts {1e3 * abs(self.found):.0f} ms {way} than start_s in all runs"
         unit = "" if item.unit == "1" else f" {item.unit}"
-        tail = f" (equivalent to the effect {self.alike})" if self.alike else ""
+        same = self.equivalent
+        tail = f" (equivalent to the {verb(len(same), 'effect', 'effects')} {' or '.join(same)})" if same else ""
         return f"{item.name}: off by {self.found:+.2g}{unit}, tolerance {item.sigma:.2g}{unit}{tail}"
 
 

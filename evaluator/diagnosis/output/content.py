@@ -78,7 +78,7 @@ class KnownToContent(TypedDict):
     found: Number  # deviation of the true value from the stated one
     low: Number
     high: Number
-    equivalent: list[str]  # id of the effect that would have the same consequence, if there is one
+    equivalent: list[str]  # ids of effects that would have the same consequence
 
 
 class KnownTogetherContent(TypedDict):
@@ -149,6 +149,15 @@ class DisagreesContent(TypedDict):
     quantity: str  # as in where
     size: Number  # measured minus predicted, mean over the phase, mm/s or deg/s
     sigmas: Number  # relative to the residuals of the chosen model
+
+
+class LimitContent(TypedDict):
+    """Interval (95 %) of a parameter of an effect that is not among `effects`, if it acted beside these."""
+
+    id: str
+    parameter: str
+    low: Number  # null: smaller values are impossible, and 95 % are below high
+    high: Number  # null: the effect is absent at infinity, and 95 % are above low
 
 
 class RivalContent(TypedDict):
@@ -247,6 +256,7 @@ class DiagnosisContent(TypedDict):
     noise: NotRequired[NoiseContent]
     nominal: NotRequired[dict[str, NominalContent]]  # by dotted key of robot.toml
     shared_errors_sigmas: NotRequired[dict[str, Number] | None]  # fitted errors common to all runs, over their sigmas
+    limits: NotRequired[list[LimitContent]]  # with "none" and "effect": what the runs exclude
     not_tried: NotRequired[list[str]]  # effects that these runs cannot show: of the plate, or from run to run
     exact_frictions: NotRequired[list[str]]  # without a tolerance, of which sizes of the found effects depend
     own_effects: NotRequired[dict[str, str]]  # effects of the user that were tried: file by id

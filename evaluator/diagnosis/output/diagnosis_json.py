@@ -85,6 +85,15 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "noise": _noise(diagnosis),
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
+        "limits": [
+            {
+                "id": item.effect,
+                "parameter": item.parameter,
+                "low": item.low if item.low is None else rounded(item.low),
+                "high": rounded(item.high),
+            }
+            for item in diagnosis.limits
+        ],
         "not_tried": _not_tried(diagnosis.session),
         "exact_frictions": _exact_frictions(diagnosis),
     }
@@ -117,7 +126,7 @@ def _known_to(diagnosis: Diagnosis) -> list[KnownToContent]:
             "found": rounded(item.found),
             "low": rounded(item.low),
             "high": rounded(item.high),
-            "equivalent": [item.alike] if item.alike else [],
+            "equivalent": list(item.equivalent),
         }
         for item in diagnosis.known
     ]

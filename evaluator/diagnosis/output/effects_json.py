@@ -204,6 +204,6 @@ def _stepwise(diagnosis: Diagnosis, term: Candidate, values: Sequence[float]) ->
     return {name: _bounded((best[name], low[name], high[name])) for name in best}
 
 
-def rounded(value: float) -> float | None:
-    """Six significant digits; None for a number that is not finite."""
-    return float(f"{value:.6g}") if math.isfinite(value) else None
+def rounded(value: float | None) -> float | None:
+    """Six significant digits; None for a number that is not finite, and for none."""
+    return float(f"{value:.6g}") if value is not None and math.isfinite(value) else None

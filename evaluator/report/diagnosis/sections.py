@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section, predicted_sentence
+from evaluator.report.diagnosis.limits import limits_section
 from evaluator.report.diagnosis.values import length, parameter, percent_text, signed_percent, sizes, value_text
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
@@ -48,7 +49,7 @@ def diagnosis_sections(view: DiagnosisView | None) -> tuple[Section, ...]:
     content = view.content
     there = (
         *(mistakes_section(content), _verdict(view), _where(view), _gap(content), _rivals(content)),
-        *(knowledge_section(content), _small_print(content)),
+        *(limits_section(content), knowledge_section(content), _small_print(content)),
     )
     return tuple(section for section in there if section is not None)
 

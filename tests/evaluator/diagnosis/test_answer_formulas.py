@@ -81,7 +81,7 @@ def answered(
         "step_for_drift": lambda *_: step,
         "too_few_runs": lambda *_: few,
         "too_few_commands": lambda *_: untested,
-        "knowledge": lambda *_: (SimpleNamespace(is_finding=finding),),
+        "knowledge": lambda *_: (SimpleNamespace(is_finding=finding, quantity=SimpleNamespace(name="track")),),
         "together": lambda *_: SimpleNamespace(is_finding=False),
     }
     for name, part in parts.items():
@@ -115,9 +115,9 @@ def test_effects_of_which_none_matters_are_no_answer(
 
 
 def test_an_effect_that_keeps_values_within_tolerances_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = answered(monkeypatch, (NONE, "none"), wider=A)
+    found = answered(monkeypatch, (NONE, "none"), wider=A, finding=True)
     assert (found.verdict, found.chosen) == ("effect", A)
-    assert found.reason == "a is needed to keep values within three tolerances"
+    assert found.reason == "without a, the runs contradict the tolerance of: track"
 
 
 @pytest.mark.parametrize(("beyond", "reason"), [(0.49, "too little"), (0.51, "residuals")])

@@ -244,7 +244,10 @@ def test_size_of_a_disagreement_is_its_rms_with_bounds_over_runs() -> None:
     squares = (table["along_mm_s"] ** 2).groupby(table["run"]).mean().to_numpy()
     reach = stats.t.isf(0.025, 15) * squares.std(ddof=1) / 4
     mean = squares.mean()
-    assert found == pytest.approx((np.sqrt(mean), np.sqrt(max(mean - reach, 0)), np.sqrt(mean + reach)))
+    ends = [np.sqrt(mean * np.exp(side * reach / mean)) for side in (-1, 1)]
+    assert found == pytest.approx((np.sqrt(mean), *ends))
+    agreeing = table.assign(along_mm_s=0.0)
+    assert root_mean_squares(agreeing)["along_mm_s"] == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
