@@ -205,7 +205,9 @@ class RunToRunContent(TypedDict):
     """Scatter from run to run, relative, 1 sigma."""
 
     friction: Number
+    friction_95: list[Number]  # its 95 % interval
     wheel_speed: Number
+    wheel_speed_95: list[Number]
 
 
 class NoiseContent(TypedDict):

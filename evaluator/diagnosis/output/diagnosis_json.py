@@ -15,6 +15,8 @@ from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference.fitted_model import prior_precision
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
@@ -31,6 +33,7 @@ from evaluator.diagnosis.output.content import (
     NominalContent,
     Number,
     PairContent,
+    RunToRunContent,
     WhereContent,
 )
 from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
@@ -244,7 +247,6 @@ def _noise(diagnosis: Diagnosis) -> NoiseContent:
     problem = diagnosis.problem
     assert problem is not None
     parts = problem.noise
-    tau = diagnosis.fit.posterior.scatter
     common = problem.common_drift
     span_s = float(np.median([np.ptp(run.time_s) for run in problem.data]))
     # the midpoint of two marks with independent errors has half the variance of one of them; a common drift does not
@@ -256,9 +258,22 @@ def _noise(diagnosis: Diagnosis) -> NoiseContent:
         "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),
         "correlation_s": rounded(parts[0][0].correlation_s),
         "smoothed": problem.smoothed,
-        "run_to_run": None
-        if problem.open_ground
-        else {"friction": rounded(float(tau[0])), "wheel_speed": rounded(float(tau[1]))},
+        "run_to_run": None if problem.open_ground else _run_to_run(diagnosis),
+    }
+
+
+def _run_to_run(diagnosis: Diagnosis) -> RunToRunContent:
+    """Scatter from run to run in the chosen model."""
+    fit, search = diagnosis.fit, diagnosis.search
+    assert search is not None
+    model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
+    friction, gain = model.scatter_interval(range(len(fit.columns)))
+    tau = fit.posterior.scatter
+    return {
+        "friction": rounded(float(tau[0])),
+        "friction_95": [rounded(float(end)) for end in friction],
+        "wheel_speed": rounded(float(tau[1])),
+        "wheel_speed_95": [rounded(float(end)) for end in gain],
     }
 
 

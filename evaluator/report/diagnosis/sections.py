@@ -7,7 +7,15 @@ from typing import Any
 
 from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section, predicted_sentence
 from evaluator.report.diagnosis.limits import limits_section
-from evaluator.report.diagnosis.values import length, parameter, percent_text, signed_percent, sizes, value_text
+from evaluator.report.diagnosis.values import (
+    length,
+    parameter,
+    percent_text,
+    scatter_text,
+    signed_percent,
+    sizes,
+    value_text,
+)
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     RUN_KEYS,
@@ -157,7 +165,7 @@ def _small_print(content: Json) -> Section | None:
         scatter = noise.get("run_to_run")
         varies = "this includes the scatter from run to run"
         if scatter:
-            friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
+            friction, speed = (scatter_text(scatter, key) for key in ("friction", "wheel_speed"))
             varies = f"from run to run, friction scatters by {friction} and wheel speed by {speed}"
         text.append(
             f"Noise estimated from these runs: marks, {length(noise['mark_sigma_mm'])} (1 sigma), "

@@ -74,6 +74,13 @@ def percent_text(share: float | None) -> str:
     return "< 0.01 %" if 0 <= share < 1e-4 else f"{significant(100 * share, 2)} %"
 
 
+def scatter_text(scatter: Json, key: str) -> str:
+    """A scatter from run to run in percent, with its 95 % interval if that is known."""
+    low, high = scatter.get(f"{key}_95") or (None, None)
+    reach = "" if None in (low, high) else f" [95 %: {percent_text(low).removesuffix(' %')} to {percent_text(high)}]"
+    return f"{percent_text(scatter.get(key))}{reach}"
+
+
 def signed_percent(share: float | None) -> str:
     """A change in percent, with its sign."""
     return UNKNOWN if share is None else f"{significant(100 * share, 2, sign=True)} %"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import length, parameter, percent_text, sizes
+from evaluator.report.diagnosis.values import length, parameter, scatter_text, sizes
 from evaluator.report.numbers import significant
 from simulator.effects.catalogue import EFFECTS
 
@@ -311,7 +311,7 @@ def scatter_sentence(content: Json) -> str:
         return ""
     if left <= MISSED * gap["noise_floor"]:
         return ""
-    friction, speed = (percent_text(scatter.get(key)) for key in ("friction", "wheel_speed"))
+    friction, speed = (scatter_text(scatter, key) for key in ("friction", "wheel_speed"))
     return (
         "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by "
         f"{friction}, wheel speeds by {speed} (1 sigma)."

@@ -17,6 +17,7 @@ from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effects_json, unlike_runs
@@ -26,6 +27,7 @@ from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.diagnosis.session_changes import FrictionChange
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.robot import shipped_robot_text
+from tests.evaluator.diagnosis.synthetic import column, linear_runs
 
 BOTH = ["drive-speed-mismatch", "drive-speed-scale"]
 NONE, A, AB, B = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"}), frozenset({"b"})
@@ -33,7 +35,7 @@ NONE, A, AB, B = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"}), froz
 
 def test_numbers_have_six_digits_and_what_is_not_finite_is_null() -> None:
     assert effects_json.rounded(1234.5678) == 1234.57
-    assert [effects_json.rounded(value) for value in (math.nan, math.inf)] == [None, None]
+    assert [effects_json.rounded(value) for value in (math.nan, math.inf, None)] == [None, None, None]
     assert diagnosis_json._changes(Changes(1.2345, 2.3456, 3.4567)) == {
         "path_noise_floors": 1.23,
         "radius_percent": 2.35,
@@ -75,15 +77,20 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     parts = [(Noise(white, 0.0, 0.25, NO_DRIFT, drift),) for white in (0.004, 0.005, 0.009)]
     problem = SimpleNamespace(noise=parts, common_drift=drift, data=RUNS, friction_wander=0.01, open_ground=False)
     problem.smoothed = True
-    fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([0.02, 0.003, 0.003, 1.0])))
-    found: Any = SimpleNamespace(problem=problem, fit=fit)
+    reduced = reduce_runs(linear_runs(8, 1))
+    fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([0.02, 0.003, 0.003, 1.0])), reduced=reduced)
+    fit.columns = (column("a"),)
+    found: Any = SimpleNamespace(problem=problem, fit=fit, search=SimpleNamespace(tolerance={}))
     said = diagnosis_json._noise(found)
     assert said["mark_sigma_mm"] == pytest.approx(0.005 * np.sqrt(2), rel=1e-5)
     assert said["friction_in_10_mm"] == pytest.approx(0.01 * np.sqrt(10), rel=1e-5)
     assert said["common_drift_mm"] == pytest.approx(drift.about_mean_mm(4.0), rel=1e-4)
     assert said["correlation_s"] == 0.25
     assert said["smoothed"]
-    assert said["run_to_run"] == {"friction": 0.02, "wheel_speed": 0.003}
+    between = said["run_to_run"]
+    assert (between["friction"], between["wheel_speed"]) == (0.02, 0.003)
+    ends = MixedModel(reduced, np.zeros(1)).scatter_interval([0])
+    assert [between["friction_95"], between["wheel_speed_95"]] == [pytest.approx(end, rel=1e-5) for end in ends]
     problem.open_ground = True
     assert diagnosis_json._noise(found)["run_to_run"] is None
 

@@ -16,6 +16,7 @@ from evaluator.diagnosis.assessment.disagreeing_runs import RunDisagreement
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.inference.limits import Limit
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effect_tables, effects_json
 from evaluator.diagnosis.output.own_effect import own_effects
@@ -63,14 +64,14 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("parts")
 def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
-    def known(key: str, found: float, *, finding: bool, alike: str) -> Any:
+    def known(key: str, found: float, *, finding: bool = False, equivalent: tuple[str, ...] = ()) -> Any:
         quantity = SimpleNamespace(key=key, name=f"the {key}", unit="mm", sigma=0.5)
         return SimpleNamespace(
             quantity=quantity,
             found=found,
             low=found - 1,
             high=inf,
-            alike=alike,
+            equivalent=equivalent,
             is_finding=finding,
             sentence=f"{key} off",
         )
@@ -82,8 +83,8 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     found: Any = diagnosis_json.record(
         diagnosis(
             search="searched", negligible=frozenset({"b", "a"}), changes={"a": Changes(1, 2, 3), "b": Changes(4, 5, 6)},
-            known=(known("track", 1.5, finding=True, alike=""), known("mass", 2.5, finding=False, alike="a")),
-            known_together=together, constancy=(halves,), outlying=(1,),
+            known=(known("track", 1.5, finding=True), known("mass", 2.5, equivalent=("a",))),
+            known_together=together, constancy=(halves,), outlying=(1,), limits=(Limit("c", "size", None, 0.12345678),),
         )
     )  # fmt: skip
     whole = {"effects": "effects", "gap": "_gap", "rivals": "rivals", "next_experiment": "next_experiment"}
@@ -107,6 +108,7 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     assert found["disagrees"] == [
         {"run": "r2", "phase": "start", "quantity": "yaw_rate", "size": 1.23457, "sigmas": 4.5}
     ]
+    assert found["limits"] == [{"id": "c", "parameter": "size", "low": None, "high": 0.123457}]
     assert (found["constancy"], found["runs_not_followed"]) == ({"slow and fast": None}, ["r2"])
     together.is_finding = False
     usual: Any = diagnosis_json._together(SimpleNamespace(known_together=together, session=None))  # type: ignore[arg-type]
@@ -120,7 +122,7 @@ def test_without_pieces_of_runs_none_disagrees(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(diagnosis_json, "disagreement", lambda _: table)
     monkeypatch.setattr(diagnosis_json, "_together", lambda _: None)
     found: Any = diagnosis_json.record(
-        diagnosis(search="searched", negligible=frozenset(), known=(), constancy=(), outlying=())
+        diagnosis(search="searched", negligible=frozenset(), known=(), constancy=(), outlying=(), limits=())
     )
     assert (found["where"], found["disagrees"]) == (["where", 0], [])
 

@@ -120,6 +120,10 @@ def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> N
         "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by 11 %, "
         "wheel speeds by 0.64 % (1 sigma)."
     )
+    known = {"friction": 0.106, "friction_95": [0.071, 0.16], "wheel_speed": 0.0064, "wheel_speed_95": [0.00008, 0.01]}
+    assert (
+        "friction by 11 % [95 %: 7.1 to 16 %], wheel speeds by 0.64 % [95 %: < 0.01 to 1.0 %] (1 sigma)"
+    ) in scatter_sentence({**content, "noise": {"run_to_run": known}})
     assert scatter_sentence({**content, "verdict": "unknown"}) == ""
     assert scatter_sentence({**content, "noise": {"run_to_run": None}}) == ""
     assert scatter_sentence({**content, "gap": {**gap, "predicted": {"after": {"fit": 0.0119}}}}) == ""

@@ -229,6 +229,23 @@ class MixedModel:
         best = int(np.arange(len(self.tau))[chosen][np.argmin(misfit)])
         return Posterior(_log_mean(score), center, covariance, weight @ self.tau[chosen], float(misfit.min()), best)
 
+    def scatter_interval(self, columns: Sequence[int], share: float = 0.95) -> Floats:
+        """Interval (2, 2) of the scatter of friction and of the gains, in the model with these columns.
+
+        A point of the grid stands for the scatters up to halfway to its neighbours, in logarithms. The lower end is the
+        least one of the grid if the runs show no scatter.
+        """
+        score = self._scored(np.asarray(columns, dtype=np.int64), slice(None))[0]
+        weight = np.exp(score - score.max())
+        ends = np.empty((2, 2))
+        for kind in range(2):
+            grid, of = np.unique(self.tau[:, kind], return_inverse=True)
+            middles = np.sqrt(grid[1:] * grid[:-1])
+            below = np.concatenate([[0.0], np.cumsum(np.bincount(of, weight))]) / weight.sum()
+            edges = np.log(np.concatenate([grid[:1], middles, grid[-1:]]))
+            ends[kind] = np.exp(np.interp([(1 - share) / 2, (1 + share) / 2], below, edges))
+        return ends
+
 
 def _halves(A: Floats, inverse: Floats, sides: Floats) -> tuple[Floats, Floats]:
     """L⁻¹·sides of every run, with L·Lᵀ = A + diag(inverse), and the sums (t,) over runs of its log determinant.
