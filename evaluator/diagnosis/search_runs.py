@@ -19,7 +19,7 @@ from evaluator.diagnosis.inference.settled_noise import common_noise, settled_no
 from evaluator.diagnosis.inference.short_horizon import is_implausible, is_large, recalibrated, short_horizon_fits
 from evaluator.diagnosis.inference.strategy import HOPELESS, extend, run_search
 from evaluator.diagnosis.likelihood.known_to import Quantity
-from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, USUAL_DRIFT, CommonNoise
+from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNoise, usual_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import with_noise_of
@@ -57,7 +57,8 @@ def search_named(ready: Prepared, progress: Progress, seeds: Sequence[Fit] = ())
     """The search over named effects on all runs that are not held out; seeds: of `seeds_without`."""
     part, begin, large = _begun(ready, fitted_runs(ready.problem.data))
     if large or seeds:
-        usual = replace(part.problem, common_drift=USUAL_DRIFT, friction_wander=USUAL_WANDER)
+        drift = usual_drift(part.problem.field_of_view)
+        usual = replace(part.problem, common_drift=drift, friction_wander=USUAL_WANDER)
         part = replace(part, problem=with_noise_of(usual, begin))
     else:
         part, begin = _with_drift(part, begin)
@@ -114,7 +115,8 @@ def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     Drift is estimated before any effect is added, because effects would otherwise explain it. If the misfit of the null
     is large, a typical drift is assumed, and it is estimated once a model explains the runs.
     """
-    usual = replace(part, problem=with_noise_of(replace(part.problem, common_drift=USUAL_DRIFT), begin))
+    drifting = replace(part.problem, common_drift=usual_drift(part.problem.field_of_view))
+    usual = replace(part, problem=with_noise_of(drifting, begin))
     null = fit_model(usual.problem, begin, [], usual.tolerance, usual.runs)
     problem = with_common_drift(usual, null)
     return replace(part, problem=with_noise_of(problem, null.point)), null.point
@@ -253,7 +255,24 @@ def challenge_with_free_terms(search: Search, free: Mapping[str, Candidate], pro
             near = found is not None and found.posterior.log_evidence > top - HOPELESS
             hopeless = 0 if near else hopeless + 1
     _ask_for_names(search, len(free))
+    _fit_without_named(search, len(free))
     fit_null_from_rivals(search)
+
+
+def _fit_without_named(search: Search, families: int) -> None:
+    """Fit the most probable set with a free-form term without each of its named effects, which may not be needed.
+
+    A right motor that is slower backward was imitated by a mismatch with a pulling wire. The free-form term of it was
+    added to both, and beside it the wire was told as well, as a set that is not fitted is no rival.
+    """
+    for _ in range(LARGEST_SET):
+        best = standing(search, families).sets[0]
+        named = [effect for effect in sorted(best) if not is_free(effect)]
+        lesser = [best - {effect} for effect in named if search.reached(best - {effect}) is None]
+        if len(named) == len(best) or not lesser:
+            break
+        for ids in lesser:
+            fit_set(search, ids, {}, search.fits[best], search.explained)
 
 
 def _ask_for_names(search: Search, families: int) -> None:

@@ -79,4 +79,6 @@ def common_noise(search: Search, fit: Fit, begin: Place = MIDDLE) -> CommonNoise
         problem.watch.each,
         begin,
         [part.of_tracking(shifts).T for part, shifts in zip(compressions, late, strict=True)],
+        problem.field_of_view,
+        problem.drifting_axes,
     )

@@ -27,6 +27,7 @@ from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_s
 from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.noise.smoothing import averaged_frames, is_smoothed
+from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.noise.wheel_bands import wheel_bands
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import FRICTION, Problem
@@ -69,6 +70,15 @@ def build_problem(
     )
     point = Point(aligned_starts(data, forward))
     return with_noise_of(_without_averaged_frames(bare, point), point), point
+
+
+def _drifting(parts: tuple[Noise, ...], drift: Drift, axes: int) -> tuple[Noise, ...]:
+    """The noise of all channels of a run, with a drift of the first ones in proportion to their noise."""
+    shares = [part.sigma_mm / parts[0].sigma_mm if place > 1 else 1.0 for place, part in enumerate(parts[:axes])]
+    return (
+        *(replace(part, common_drift=drift.scaled(k)) for part, k in zip(parts, shares, strict=False)),
+        *parts[axes:],
+    )
 
 
 def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
@@ -122,11 +132,9 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
         ]
     )
     rigid = [np.zeros_like(used) if run.from_poses else used for run, used in zip(problem.data, frames, strict=True)]
-    noise = with_drift(
-        noise, [run.time_s for run in problem.data], rigid, residuals, [run.marks_mm for run in problem.data]
-    )
-    common = problem.common_drift
-    noise = [(*(replace(part, common_drift=common) for part in parts[:2]), *parts[2:]) for parts in noise]
+    times, marks = [run.time_s for run in problem.data], [run.marks_mm for run in problem.data]
+    noise = with_drift(noise, times, rigid, residuals, marks, problem.field_of_view)
+    noise = [_drifting(parts, problem.common_drift, problem.drifting_axes) for parts in noise]
     noise = [
         (*parts[:3], replace(parts[3], white_mm=NO_DISTANCE_MM)) if run.from_poses else parts
         for run, parts in zip(problem.data, noise, strict=True)

@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.feature_cache import FeatureCache
 from evaluator.diagnosis.likelihood.features import Compression, residual_of_marks
 from evaluator.diagnosis.likelihood.jumps import bends, central_slope, jumps, smooth_slope, with_slopes
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
+from evaluator.diagnosis.likelihood.noise.drift_evidence import OF_MARKS, OF_POSES
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point, points_of, theta_of
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, Forward, NotSimulatedError, RunData, Task
@@ -81,6 +82,19 @@ class Problem:
         scatter reached the end of its grid and few fits converged. See noise/discrepancy.py.
         """
         return Size(self.length).on_ground
+
+    @property
+    def field_of_view(self) -> float:
+        """Size of the field of view that the robot needs, as a multiple of that of the paper's robot; at least 1.
+
+        Drifts of a camera are shares of a pixel. Not on open ground, where the noise is estimated from the residuals.
+        """
+        return 1.0 if self.open_ground else max(1.0, self.length)
+
+    @property
+    def drifting_axes(self) -> int:
+        """Number of channels, the first ones, that drift together."""
+        return OF_POSES if not self.open_ground and all(run.from_poses for run in self.data) else OF_MARKS
 
     @property
     def of_tracking(self) -> Problem:

@@ -32,8 +32,9 @@ def test_free_terms_compete_beside_the_answer_where_the_best_set_is_refused(monk
     monkeypatch.setattr(search_runs, "rank_named", lambda *_: (None, ANSWER))
     monkeypatch.setattr(search_runs, "fit_null_from_rivals", lambda _: seen.append("null"))
     monkeypatch.setattr(search_runs, "_ask_for_names", lambda _, families: seen.append(("names", families)))
+    monkeypatch.setattr(search_runs, "_fit_without_named", lambda _, families: seen.append(("without", families)))
     search_runs.challenge_with_free_terms(search, {}, lambda *_: None)
-    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER), ("names", 0), "null"]
+    assert seen == [(NONE, NONE), (REFUSED, REFUSED), (ANSWER, ANSWER), ("names", 0), ("without", 0), "null"]
 
 
 @pytest.mark.parametrize(
@@ -59,6 +60,31 @@ def test_effects_are_asked_for_in_place_of_the_free_form_term_of_the_most_probab
     monkeypatch.setattr(search_runs, "extend", lambda _, ids, among: seen.append((ids, among)))
     search_runs._ask_for_names(search, 100)
     assert seen == asked
+
+
+def test_a_named_effect_beside_a_free_form_term_competes_with_its_absence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as the set without one of them is the better one, that is asked for less still."""
+    whole, tighter = frozenset({"spring", "toe", "free:x"}), frozenset({"toe", "free:x"})
+    scores = {whole: 9.0, tighter: 10.0, frozenset({"spring", "free:x"}): 1.0, frozenset({"free:x"}): 2.0}
+    search: Any = SimpleNamespace(fits={whole: "fit"}, explained=0.0)
+    search.reached = search.fits.get
+    seen: list[Any] = []
+
+    def fitted(_: Any, ids: frozenset[str], begin: Any, origin: str, explained: float) -> None:
+        seen.append((set(ids), origin))
+        assert (begin, explained) == ({}, 0.0)
+        search.fits[ids] = f"fit of {len(ids)}"
+
+    ranked = lambda *_: SimpleNamespace(sets=sorted(search.fits, key=lambda ids: -scores[ids]))  # noqa: E731
+    monkeypatch.setattr(search_runs, "standing", ranked)
+    monkeypatch.setattr(search_runs, "fit_set", fitted)
+    search_runs._fit_without_named(search, 100)
+    assert seen == [({"toe", "free:x"}, "fit"), ({"spring", "free:x"}, "fit"), ({"free:x"}, "fit of 2")]
+    seen.clear()
+    search_runs._fit_without_named(search, 100)  # all are fitted
+    scores[REFUSED], search.fits[REFUSED] = 20.0, "named alone"
+    search_runs._fit_without_named(search, 100)
+    assert not seen
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from evaluator.diagnosis.likelihood.noise.common_drift import (
     drift_of,
 )
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
-from evaluator.diagnosis.likelihood.noise.drift_evidence import RunInModes, RunsInModes
+from evaluator.diagnosis.likelihood.noise.drift_evidence import OF_MARKS, OF_POSES, RunInModes, RunsInModes
 from evaluator.diagnosis.likelihood.noise.friction_wander import RATES
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise, correlated
 from tests.evaluator.diagnosis.synthetic import FEATURES, linear_runs
@@ -44,9 +44,17 @@ def _path(run: int) -> Floats:
 
 
 def _runs(
-    seed: int, drift: Drift, effect: float = 0.0, assumed: Drift = NO_DRIFT, offered: bool = False
+    seed: int,
+    drift: Drift,
+    effect: float = 0.0,
+    assumed: Drift = NO_DRIFT,
+    offered: bool = False,
+    of_heading: Drift = NO_DRIFT,
 ) -> tuple[list[Linearized], list[Compression]]:
-    """Views of runs with white noise, a drift of both marks and an effect; offered: as a common column."""
+    """Views of runs with white noise, a drift of both marks and an effect; offered: as a common column.
+
+    of_heading: drift of the direction of the marks.
+    """
     rng = np.random.default_rng(seed)
     midpoint = Noise(WHITE.white_mm, 0.0, 1 / 60, common_drift=assumed)
     views, compressions = [], []
@@ -54,6 +62,7 @@ def _runs(
         residual = rng.normal(0, WHITE.white_mm, (FRAMES, 4)) + effect * _path(run)
         residual[:, 0] += _drifting(rng, drift)
         residual[:, 1] += _drifting(rng, drift)
+        residual[:, 2] += _drifting(rng, of_heading)
         made = compression(TIME_S, np.ones(FRAMES, dtype=bool), (midpoint, midpoint, WHITE, WHITE))
         start = np.zeros((3, FRAMES, 4))
         start[0, :, 0] = start[1, :, 1] = start[2, :, 2] = 1.0
@@ -78,9 +87,28 @@ def test_drift_is_found_by_what_it_does_within_a_run(true: Drift, seed: int) -> 
     assert found.about_mean_mm(4.0) == pytest.approx(true.about_mean_mm(4.0), rel=0.35)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_heading_of_a_tracker_of_poses_drifts_as_its_position_does(seed: int) -> None:
+    """In a field of view of seven robots, too; of marks, a drift of the direction is that of single marks."""
+    views, compressions = _runs(seed, TRUE, of_heading=TRUE)
+    nothing = [np.zeros((len(view.response), 1)) for view in views]
+    times, prior = [TIME_S] * RUNS, np.array([0.0])
+    given = views, compressions, times, prior, NO_DRIFT, nothing
+    both, one = common_drift(*given, axes=OF_POSES), common_drift(*given)
+    assert both.drift.about_mean_mm(4.0) == pytest.approx(TRUE.about_mean_mm(4.0), rel=0.3)
+    assert both.log_evidence > one.log_evidence + 100
+    far = common_drift(*_runs(seed, TRUE.scaled(7.0)), times, prior, NO_DRIFT, nothing)
+    field = common_drift(*_runs(seed, TRUE.scaled(7.0)), times, prior, NO_DRIFT, nothing, field=7.0)
+    assert field.drift.about_mean_mm(4.0) == pytest.approx(7 * TRUE.about_mean_mm(4.0), rel=0.35)
+    assert field.log_evidence > far.log_evidence
+
+
+@pytest.mark.parametrize("axes", [OF_MARKS, OF_POSES])
 @pytest.mark.parametrize(("walk", "late_changes"), [(0.0, 0), (0.7, 0), (0.0, 2), (0.7, 2)])
 @pytest.mark.parametrize("drift", [NO_DRIFT, Drift(0.6, 8.0), Drift(creep_mm_s=0.8), Drift(0.6, 8.0, 0.8)])
-def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk: float, late_changes: int) -> None:
+def test_evidence_of_a_drift_is_that_of_its_dense_covariance(
+    drift: Drift, walk: float, late_changes: int, axes: int
+) -> None:
     """Of features that are three of either coordinate of the midpoint and three others; start poses are free."""
     rng, prior, third = np.random.default_rng(0), np.array([0.7**-2.0, 0.0]), FEATURES // 3
     runs, dense, widths = [], [], 0.0
@@ -90,14 +118,14 @@ def test_evidence_of_a_drift_is_that_of_its_dense_covariance(drift: Drift, walk:
         late = rng.normal(size=(FEATURES, late_changes))
         runs.append(RunInModes(view, wanders, creeps, friction, late))
         covariance = np.eye(FEATURES) + walk**2 * friction @ friction.T + late @ late.T
-        for coordinate in (slice(0, third), slice(third, 2 * third)):
+        for coordinate in [slice(axis * third, (axis + 1) * third) for axis in range(axes)]:
             covariance[coordinate, coordinate] += drift.size_mm**2 * np.diag(wanders)
             covariance[coordinate, coordinate] += drift.creep_mm_s**2 * np.outer(creeps, creeps)
         white = np.linalg.inv(np.linalg.cholesky(covariance))
         dense.append(changed(view, lambda part, white=white: part @ white.T))
         widths += np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(dense[-1].start.T @ dense[-1].start)[1]
     expected = MixedModel(reduce_runs(dense), prior).log_evidence([0, 1]) - widths / 2
-    assert RunsInModes(runs).log_evidence(drift, walk, prior) == pytest.approx(expected, abs=1e-6)
+    assert RunsInModes(runs, axes).log_evidence(drift, walk, prior) == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_creeps_is_told_from_what_wanders() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from evaluator.diagnosis.likelihood import preparation
 from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
+from evaluator.diagnosis.likelihood.noise.drift_evidence import OF_MARKS, OF_POSES
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -89,22 +90,33 @@ def test_noise_is_that_of_the_frames_up_to_the_last_that_counts_with_its_drifts(
     problem: Any = SimpleNamespace(
         data=[run], channels=[np.zeros((40, 4))], counting_frames=lambda _: np.isin(np.arange(40), [3, 4, 29]),
         residuals=lambda tasks: [np.arange(160.0).reshape(40, 4) for _ in tasks], open_ground=open_ground, length=1.0,
-        common_drift=Drift(0.1), friction_wander=0.0, change_sigma_s=0.0,
+        common_drift=Drift(0.1), friction_wander=0.0, change_sigma_s=0.0, field_of_view=7.0, drifting_axes=OF_MARKS,
     )  # fmt: skip
     drifting = tuple(Noise(size, 0.0, 0.1, Drift(0.01)) for size in (1.0, 1.0, 3.0, 4.0))
     monkeypatch.setattr(preparation, "replace", replaced)
     monkeypatch.setattr(preparation, "residual_spectra", lambda *said: asked.append(said))
     monkeypatch.setattr(preparation, "channel_noise", lambda _: ["of spectra"])
-    monkeypatch.setattr(preparation, "with_drift", lambda noise, *_: [drifting] if noise == ["of spectra"] else None)
+
+    def with_drift(noise: Any, *given: Any) -> Any:
+        asked.append(given[-1])
+        return [drifting] if noise == ["of spectra"] else None
+
+    monkeypatch.setattr(preparation, "with_drift", with_drift)
     monkeypatch.setattr(preparation, "compression", lambda *said: said)
     monkeypatch.setattr(preparation, "_left_over", lambda *_: None)
     monkeypatch.setattr(preparation, "with_discrepancy", lambda noise, *_: noise)
     found = preparation.with_noise_of(problem, Point(np.zeros((1, 7))))
-    ((time_s, residual_mm, since_s, bands),) = asked
+    (time_s, residual_mm, since_s, bands), field = asked
+    assert field == 7.0
     assert (len(time_s), residual_mm.shape, since_s) == (30, (30, 4), 3.0 + preparation.SETTLING_S)
     np.testing.assert_allclose(bands, [] if open_ground else [(4 - 2 / 26, 4 + 2 / 26)])
     both = tuple(replace(part, common_drift=Drift(0.1)) for part in drifting[:2])  # of the midpoint alone
     assert found.noise == ((*both, *drifting[2:]),)
+    problem.drifting_axes = OF_POSES  # of the heading in proportion to its noise
+    asked.clear()
+    turning = preparation.with_noise_of(problem, Point(np.zeros((1, 7)))).noise[0]
+    assert (turning[:2], turning[3]) == (both, drifting[3])
+    assert turning[2].common_drift.size_mm == pytest.approx(0.1 * drifting[2].sigma_mm / drifting[0].sigma_mm)
     assert found.compressions[0][2:] == (found.noise[0], preparation.MODEL_FLOOR_MM, bands)
 
 
@@ -119,7 +131,7 @@ def test_marks_that_are_computed_from_poses_tell_nothing_by_their_distance(monke
     problem: Any = SimpleNamespace(
         data=runs, channels=[np.zeros((40, 4))] * 2, counting_frames=lambda _: used, open_ground=False, length=1.0,
         residuals=lambda tasks: [np.zeros((40, 4)) for _ in tasks], common_drift=Drift(), friction_wander=0.0,
-        change_sigma_s=0.0,
+        change_sigma_s=0.0, field_of_view=1.0, drifting_axes=OF_MARKS,
     )  # fmt: skip
     noise = tuple(Noise(size, 0.0, 0.1) for size in (1.0, 2.0, 3.0, 4.0))
     monkeypatch.setattr(preparation, "replace", replaced)

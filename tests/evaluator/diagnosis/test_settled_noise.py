@@ -49,7 +49,8 @@ def test_drift_is_estimated_from_features_of_which_the_ground_is_undone(monkeypa
     """The old drift and friction are part of the whitening of a run; on a run without them there is nothing to undo."""
     asked = []
 
-    def drift(views: Any, *_: Any) -> CommonNoise:
+    def drift(views: Any, *given: Any) -> CommonNoise:
+        assert given[-2:] == (7.0, 3)
         asked.append(views)
         return CommonNoise(0.002, 0.3, -7.0)  # type: ignore[arg-type]
 
@@ -81,3 +82,5 @@ class Sought:
     common_drift: float
     friction_wander: float
     watch: Any
+    field_of_view: float = 7.0
+    drifting_axes: int = 3

@@ -19,7 +19,7 @@ from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.strategy import extend, run_search
 from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
-from evaluator.diagnosis.likelihood.noise.common_drift import USUAL_DRIFT
+from evaluator.diagnosis.likelihood.noise.common_drift import usual_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, USUAL_WANDER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import build_problem, friction_shifts
@@ -187,5 +187,5 @@ def test_a_search_from_a_large_misfit_owes_the_plate_what_is_usual(
     monkeypatch.setattr(search_runs, "run_search", lambda part, *_: begun.append(part.problem))
     ready = Prepared(search.problem, nominal, search.tolerance, search.terms)
     search_runs.search_named(ready, no_progress)
-    assert (begun[0].common_drift, begun[0].friction_wander) == (USUAL_DRIFT, USUAL_WANDER)
+    assert (begun[0].common_drift, begun[0].friction_wander) == (usual_drift(1.0), USUAL_WANDER)
     assert all(part.ground is not None for part in begun[0].compressions)

@@ -6,7 +6,7 @@ modes show it, and in a single run it cannot be distinguished from motion. But i
 not change the heading. Its size is therefore estimated from the slow residuals of all runs together, with start poses,
 random effects and common parameters free; an effect, which repeats, must then explain more than such a drift. Varying
 friction (friction_wander.py) does change the heading; it is estimated together with the drift, because each could be
-taken for the other.
+taken for the other. In poses of another tracker the heading drifts as well, in proportion to its noise.
 Source: restricted maximum likelihood, Patterson & Thompson (1971), Biometrika 58, 545.
 """
 
@@ -25,15 +25,16 @@ from evaluator.diagnosis.likelihood.features import Compression
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise import friction_wander
 from evaluator.diagnosis.likelihood.noise.drift import BELIEVED
-from evaluator.diagnosis.likelihood.noise.drift_evidence import RunInModes, RunsInModes
+from evaluator.diagnosis.likelihood.noise.drift_evidence import OF_MARKS, RunInModes, RunsInModes
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, correlated
 
 Floats = NDArray[np.float64]
 
-# Size of a random drift after one second, mm, and speed of a creep, mm/s. Below a quarter of a micrometre they change
-# no verdict; more than 10 µm, a tenth of a pixel and more, mean that the camera was touched. A drift is described by
-# its size over the root of its correlation time, which determines its growth, so that rate and time are hardly
-# confounded.
+# Size of a random drift after one second, mm, and speed of a creep, mm/s, in the field of view of the paper's robot.
+# Below a quarter of a micrometre they change no verdict; more than 10 µm, a tenth of a pixel and more, mean that the
+# camera was touched. In a field seven times as large, of a robot of 40 mm, a tracker wandered by 27 µm. A drift is
+# described by its size over the root of its correlation time, which determines its growth, so that rate and time are
+# hardly confounded.
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
 # The spectrum shows shorter correlation times; a run is too short to distinguish longer ones.
 LASTING_S = (1.0, 4.0, 16.0)
@@ -44,14 +45,14 @@ Place = tuple[int, int, int, int]  # on the grid: rate, time and creep of a drif
 MIDDLE: Place = (*BEGIN, friction_wander.BEGIN)
 
 
-def drift_of(rate: int, time: int, creep: int) -> Drift:
-    """The drift at a point of the grid."""
-    return Drift(RATES_MM[rate] * float(np.sqrt(LASTING_S[time])), LASTING_S[time], RATES_MM[creep])
+def drift_of(rate: int, time: int, creep: int, field: float = 1.0) -> Drift:
+    """The drift at a point of the grid; field: as of Problem.field_of_view."""
+    return Drift(field * RATES_MM[rate] * float(np.sqrt(LASTING_S[time])), LASTING_S[time], field * RATES_MM[creep])
 
 
-# Drift that a fit assumes before it is estimated; without one, friction and gains of single runs would follow the
-# drift.
-USUAL_DRIFT = drift_of(*BEGIN)
+def usual_drift(field: float) -> Drift:
+    """Drift that a fit assumes before it is estimated; without one, friction and gains of runs would follow it."""
+    return drift_of(*BEGIN, field)
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ def common_drift(
     each: Each = map,
     begin: Place = MIDDLE,
     late: Sequence[Floats] | None = None,
+    field: float = 1.0,
+    axes: int = OF_MARKS,
 ) -> CommonNoise:
     """The drift of the midpoint that runs show in their linear views, and the rate at which friction wanders.
 
@@ -85,19 +88,19 @@ def common_drift(
     changes.
     friction: features (d, m) of each run by the modes of wander_shifts. each: does independent pieces of work. begin:
     where the search begins on the grid. late: features (d, c) of each run by one sigma of each late change of its
-    commands, if there are any. Drift or rate is 0 if the views are explained as well without it, within chance.
-    Evidences of several models are comparable if their views are whitened alike.
+    commands, if there are any. field, axes: as of Problem. Drift or rate is 0 if the views are explained as
+    well without it, within chance. Evidences of several models are comparable if their views are whitened alike.
     """
     late = late or [part[:, :0] for part in friction]
     frames = list(zip(views, compressions, times_s, friction, late, strict=True))
 
     @cache
     def lasting(time: int) -> RunsInModes:
-        return RunsInModes([_in_modes(*frame, LASTING_S[time], assumed) for frame in frames])
+        return RunsInModes([_in_modes(*frame, LASTING_S[time], assumed, axes) for frame in frames], axes)
 
     @cache
     def log_evidence(rate: int, time: int, creep: int, walk: int) -> float:
-        drift = drift_of(rate, time, creep)
+        drift = drift_of(rate, time, creep, field)
         return lasting(time).log_evidence(drift, friction_wander.RATES[walk], prior_precision)
 
     def uphill(place: Place, free: Sequence[int]) -> Place:
@@ -105,7 +108,7 @@ def common_drift(
         while place != last:  # the evidence has one maximum
             last, near = place, _around(place, free)
             for rate, time in {at[:2] for at in near}:  # before the parallel work, which would compute them repeatedly
-                lasting(time).weighted(drift_of(rate, time, 0).size_mm)
+                lasting(time).weighted(drift_of(rate, time, 0, field).size_mm)
             evidences = list(each(lambda at: log_evidence(*at), near))
             place = near[int(np.argmax(evidences))]
         return place
@@ -118,7 +121,7 @@ def common_drift(
     still = uphill((0, best[1], 0, best[3]), [3] if best[3] else [])
     if log_evidence(*best) - log_evidence(*still) <= BELIEVED:
         return CommonNoise(NO_DRIFT, friction_wander.RATES[still[3]], largest, top)
-    return CommonNoise(drift_of(*best[:3]), friction_wander.RATES[best[3]], largest, top)
+    return CommonNoise(drift_of(*best[:3], field), friction_wander.RATES[best[3]], largest, top)
 
 
 def _around(place: Place, free: Sequence[int]) -> list[Place]:
@@ -142,6 +145,7 @@ def _in_modes(
     late: Floats,
     lasting_s: float,
     assumed: Drift,
+    axes: int,
 ) -> RunInModes:
     """The run in features for which the covariances of noise without drift and of random drift are diagonal."""
     functional = compression.functional[0]
@@ -149,7 +153,7 @@ def _in_modes(
     noise = np.eye(len(wanders)) - functional.T @ assumed.times(time_s, functional)
     variances, vectors = eigh(wanders, noise)
     creeps = vectors.T @ (functional.T @ (time_s - time_s[0]))
-    turned = partial(_of_midpoint, vectors.T)
+    turned = partial(_of_first, vectors.T, axes)
     return RunInModes(changed(view, turned), np.maximum(variances, 0.0), creeps, turned(friction.T).T, turned(late.T).T)
 
 
@@ -159,8 +163,7 @@ def changed(view: Linearized, change: Callable[[Floats], Floats]) -> Linearized:
     return Linearized(*parts)
 
 
-def _of_midpoint(matrix: Floats, features: Floats) -> Floats:
-    """Features (d,) or (m, d), those of each coordinate of the midpoint, the first ones, times a matrix (k, k)."""
-    count = len(matrix)
-    first, second, rest = np.split(features, [count, 2 * count], axis=-1)
-    return np.concatenate([first @ matrix.T, second @ matrix.T, rest], axis=-1)
+def _of_first(matrix: Floats, axes: int, features: Floats) -> Floats:
+    """Features (d,) or (m, d), those of each of the first channels times a matrix (k, k)."""
+    *first, rest = np.split(features, [len(matrix) * (axis + 1) for axis in range(axes)], axis=-1)
+    return np.concatenate([*(part @ matrix.T for part in first), rest], axis=-1)

@@ -19,8 +19,8 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise, correlat
 Floats = NDArray[np.float64]
 
 MODES = 8  # as of the distance in a fit (features.DISTANCE_MODES); faster ones hold tracking noise only
-# Grid of the fit: from the precision of the model to a drift that anyone sees, by a fifth each; correlation times of a
-# run of ten seconds, which distinguishes no finer ones.
+# Grid of the fit: from the precision of the model to a drift that anyone sees, by a fifth each, in the field of view of
+# the paper's robot; correlation times of a run of ten seconds, which distinguishes no finer ones.
 SIZES_MM, LASTING_S = np.geomspace(2e-4, 2e-2, 24), (0.5, 2.0, 8.0)
 # Gain in log likelihood from which a drift is accepted: four standard deviations.
 BELIEVED = 8.0
@@ -55,9 +55,11 @@ def with_drift(
     frames: Sequence[NDArray[np.bool_]],
     residuals_mm: Sequence[Floats],
     marks_mm: Sequence[Floats],
+    field: float = 1.0,
 ) -> list[tuple[Noise, ...]]:
     """The noise of every run's channels with the drift estimated from the distance (last channel of (n, 4) residuals).
 
+    field: as of Problem.field_of_view.
     Errors of the two marks are independent, so that midpoint and direction have half the drift of the distance.
     """
     runs = [
@@ -65,7 +67,7 @@ def with_drift(
         for parts, time, used, residual, marks in zip(noise, times_s, frames, residuals_mm, marks_mm, strict=True)
         if used.sum() > 3 * MODES
     ]
-    size, lasting = drift(runs)
+    size, lasting = drift(runs, field)
     if not size:
         return list(noise)
     shares = (0.5, 0.5, 0.5, 1.0)
@@ -75,7 +77,7 @@ def with_drift(
     ]
 
 
-def drift(runs: Sequence[Distance]) -> tuple[float, float]:
+def drift(runs: Sequence[Distance], field: float = 1.0) -> tuple[float, float]:
     """Standard deviation of the drift of the distance, mm, and its correlation time, s; 0 if there is none."""
     if not runs:
         return 0.0, LASTING_S[0]
@@ -84,7 +86,7 @@ def drift(runs: Sequence[Distance]) -> tuple[float, float]:
     found = [
         (_log_likelihood(modes, float(size), index), float(size), lasting)
         for index, lasting in enumerate(LASTING_S)
-        for size in SIZES_MM
+        for size in field * SIZES_MM
     ]
     best = max(found)
     return best[1:] if best[0] - without > BELIEVED else (0.0, LASTING_S[0])

@@ -19,7 +19,10 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift
 
 Floats = NDArray[np.float64]
 
-AXES = 2  # coordinates of the midpoint of the marks, whose features are the first ones
+OF_MARKS, OF_POSES = (
+    2,
+    3,
+)  # channels that drift: both coordinates of the midpoint of the marks; of a pose, the heading as well
 
 
 @dataclass(frozen=True)
@@ -27,8 +30,9 @@ class RunInModes:
     """One run in features with independent drift and unit variance of the noise without drift.
 
     view: its linearization. wanders: (k,), variances that a random drift of 1 mm adds to the features of each
-    coordinate of the midpoint. creeps: (k,), changes by a creep of 1 mm/s. friction: (d, m), changes of all features by
-    each mode of a friction with a random walk of 1 per 1 mm. late: (d, c), changes by one sigma of each late change.
+    channel that drifts, the first ones. creeps: (k,), changes by a creep of 1 mm/s. friction: (d, m), changes of all
+    features by each mode of a friction with a random walk of 1 per 1 mm. late: (d, c), changes by one sigma of each
+    late change.
     """
 
     view: Linearized
@@ -41,23 +45,24 @@ class RunInModes:
 class RunsInModes:
     """Runs with the same correlation time of a random drift."""
 
-    def __init__(self, runs: Sequence[RunInModes]) -> None:
-        """Pad all runs to one shape with features and random parts that are zero."""
+    def __init__(self, runs: Sequence[RunInModes], axes: int = OF_MARKS) -> None:
+        """Pad all runs to one shape with features and random parts that are zero; axes: channels that drift."""
+        self._axes = axes
         self._sizes = np.array([len(run.view.response) - FLAT for run in runs])
         widths = [max((getattr(run, part).shape[1] for run in runs), default=0) for part in ("friction", "late")]
-        self._random = [AXES, *widths]
-        columns = [_columns(run, widths) for run in runs]
+        self._random = [axes, *widths]
+        columns = [_columns(run, widths, axes) for run in runs]
         count = columns[0].shape[1] if runs else 0
         self._model = count - sum(self._random)
         modes = max((len(run.wanders) for run in runs), default=0)
         self._wanders = np.zeros((len(runs), modes))
-        self._middle = np.zeros((len(runs), AXES, modes, count))
+        self._middle = np.zeros((len(runs), axes, modes, count))
         self._rest = np.zeros((len(runs), count, count))
         for number, (run, every) in enumerate(zip(runs, columns, strict=True)):
             own = len(run.wanders)
-            middle, rest = every[: AXES * own], every[AXES * own :]
+            middle, rest = every[: axes * own], every[axes * own :]
             self._wanders[number, :own] = run.wanders
-            self._middle[number, :, :own] = middle.reshape(AXES, own, count)
+            self._middle[number, :, :own] = middle.reshape(axes, own, count)
             self._rest[number] = rest.T @ rest
         self._weighted: dict[float, tuple[Floats, float]] = {}
 
@@ -66,9 +71,9 @@ class RunsInModes:
         if size_mm not in self._weighted:
             variance = 1 + size_mm**2 * self._wanders
             scaled = self._middle / np.sqrt(variance)[:, None, :, None]
-            scaled = scaled.reshape(len(scaled), AXES * scaled.shape[2], scaled.shape[3])
+            scaled = scaled.reshape(len(scaled), self._axes * scaled.shape[2], scaled.shape[3])
             inner = self._rest + np.matmul(scaled.transpose(0, 2, 1), scaled)
-            self._weighted[size_mm] = inner, AXES * float(np.log(variance).sum())
+            self._weighted[size_mm] = inner, self._axes * float(np.log(variance).sum())
         return self._weighted[size_mm]
 
     def log_evidence(self, drift: Drift, walk: float, prior_precision: Floats) -> float:
@@ -85,14 +90,14 @@ class RunsInModes:
         return model.log_evidence(range(len(prior_precision))) - log_det / 2
 
 
-def _columns(run: RunInModes, widths: Sequence[int]) -> Floats:
+def _columns(run: RunInModes, widths: Sequence[int], axes: int) -> Floats:
     """Columns (d, m) of a run: start pose, response, common parameters, scatter, then the random parts.
 
     widths: numbers of columns of friction and of late changes, for which those of the run are filled up with zeros.
     """
     view, count = run.view, len(run.wanders)
-    creeps = np.zeros((len(view.response), AXES))
-    for axis in range(AXES):
+    creeps = np.zeros((len(view.response), axes))
+    for axis in range(axes):
         creeps[axis * count : (axis + 1) * count, axis] = run.creeps
     filled = [
         np.pad(part, ((0, 0), (0, width - part.shape[1])))

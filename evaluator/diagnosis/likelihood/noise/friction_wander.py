@@ -38,7 +38,7 @@ SAMPLES = 60  # of the path of each wheel; with four wheels the modes of a run t
 # is below the precision of a model; above 3 %, 10 % after a centimetre, a laboratory cleans its plate.
 RATES = (0.0, *np.geomspace(3e-4, 3e-2, 9).tolist())
 BEGIN = 4  # in the middle of them
-USUAL_WANDER = RATES[BEGIN]  # assumed before the rate is estimated: see common_drift.USUAL_DRIFT
+USUAL_WANDER = RATES[BEGIN]  # assumed before the rate is estimated: see common_drift.usual_drift
 
 
 def wander_shifts(

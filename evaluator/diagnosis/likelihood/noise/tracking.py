@@ -68,6 +68,10 @@ class Drift:
             product += self.creep_mm_s**2 * since[:, None] * (since @ columns)
         return product
 
+    def scaled(self, factor: float) -> Drift:
+        """The drift with both sizes multiplied by a factor."""
+        return Drift(factor * self.size_mm, self.lasting_s, factor * self.creep_mm_s)
+
     def about_mean_mm(self, over_s: float) -> float:
         """RMS deviation from its mean over a time, mm: less than size_mm for long correlation times.
 
