@@ -149,11 +149,18 @@ def test_a_wrong_command_or_a_turn_the_other_way_misses_by_more_than_effects_mak
 ) -> None:
     def judgement(run: str, share: float) -> Any:
         stated = SimpleNamespace(id=run, command=(10.0, 20.0), log=None)
-        return SimpleNamespace(ways=[SimpleNamespace(run=stated)], share=share)
+        ways = [SimpleNamespace(run=stated, kind=kind) for kind in (None, *kinds)]
+        return SimpleNamespace(ways=ways, share=share, misfits_mm=[3.0, 0.1, turned, turned])
 
-    seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
+    turned = 0.31
     kinds: tuple[Kind, ...] = ("wrong-command", "sides-swapped", "mirrored")
+    seen = [judgement("r0", 0.32), *(judgement(f"r{k + 1}", share) for k, share in enumerate(others))]
     for wrong in (Found("r0", kind, "", "") for kind in kinds):
         assert beyond_the_others([wrong], seen) == [wrong] * believed
     reversed_ = Found("r0", "reversed", "", "")
     assert beyond_the_others([reversed_], seen) == [reversed_]
+    turned = 0.29  # an effect turns no run to the other side so that it fits ten times better
+    seen = [judgement("r0", 0.32), *seen[1:]]
+    for kind in kinds[1:]:
+        assert len(beyond_the_others([Found("r0", kind, "", "")], seen)) == 1
+    assert len(beyond_the_others([Found("r0", "wrong-command", "", "")], seen)) == believed
