@@ -84,8 +84,13 @@ def outlying_run(
     if reading is None:
         unread = "" if on_ground else "none of the usual mistakes explains it; "
         return Mistake((run.id,), "outlying", f"{alone}; {unread}{REPEAT}")
-    sentence = f"{alone}: it {reading.seen}; {reading.remedy}"
-    return Mistake((run.id,), reading.kind, sentence, equivalent_kinds=reading.equivalent)
+    seen, remedy, equivalent = reading.seen, reading.remedy, reading.equivalent
+    faster = reading.correction.seconds_times if reading.correction and run.log is None else 1.0
+    if faster != 1.0 and "wrong-command" not in equivalent:  # slip depends on ratios of speeds, so that either fits
+        found = _rounded(run.command, (faster - 1, faster - 1))
+        seen += f", or as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
+        remedy, equivalent = f"{remedy}; or {REMEDIES['wrong-command']}", (*equivalent, "wrong-command")
+    return Mistake((run.id,), reading.kind, f"{alone}: it {seen}; {remedy}", equivalent_kinds=equivalent)
 
 
 def _has_speeds(reading: Found, run: RunData, gains: tuple[float, float]) -> bool:

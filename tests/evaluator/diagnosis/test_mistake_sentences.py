@@ -182,6 +182,14 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
         for gains, of_gains in (((0.2, 0.2), False), ((0.2, 0.14), True)):
             sentence = outlying_run(run, others, ROBOT, gains=gains).sentence
             assert ("moves as if it were commanded about" in sentence) == (of_gains or kind == "wrong-command")
+    slow = Found("r0", "wrong-rate", "moves so", "mend it", ("late-start",), Correction(seconds_times=1.25))
+    monkeypatch.setattr(outlying, "reading_of", lambda *_: slow)
+    named = outlying_run(replace(run, left_rpm=-15.0, right_rpm=-18.0), others, ROBOT)
+    assert named.equivalent_kinds == ("late-start", "wrong-command")
+    assert named.sentence.endswith(
+        "it moves so, or as if it were commanded about -19 / -22 rpm, not -15 / -18; mend it; or check which command "
+        "belongs to this recording"
+    )
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)
