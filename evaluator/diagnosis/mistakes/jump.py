@@ -24,8 +24,10 @@ FEWEST_AROUND = 5  # frames on either side that determine a line and its scatter
 LEAST_SPEED_MM_S = 1e-9  # below it a robot is at rest, and what speed a line has is rounding
 
 
-def jump(run: RunData) -> tuple[float, float] | None:
+def jump(run: RunData, within: float = JUMP_WITHIN) -> tuple[float, float] | None:
     """Time, s, and size, mm, of a jump of both marks between two frames; None if there is none.
+
+    within: most frames between the two, besides the first.
 
     A robot moves by its speed times the frame interval; a camera that is hit moves at once. Lines through some frames
     before and after are extrapolated to the time between. Not counted are jumps of one mark alone, such as the trace of
@@ -49,7 +51,7 @@ def jump(run: RunData) -> tuple[float, float] | None:
     spans = np.maximum(np.diff(time), 1e-6)
     places = _largest_deviations(middle_steps, spans)
     sides = np.minimum(places + 1, len(time) - 1 - places)  # frames before and after
-    places = places[(sides >= FEWEST_AROUND) & (spans[places] <= JUMP_WITHIN * frame_s)]
+    places = places[(sides >= FEWEST_AROUND) & (spans[places] <= within * frame_s)]
     if not len(places):
         return None
     sizes = _sizes(time, marks, places, least_mm, frame_s)

@@ -60,6 +60,20 @@ def test_run_begins_after_a_nudge_that_is_surely_before_its_start(nudged_s: floa
     assert kept_s(nudged)[0] == pytest.approx(begins_s, abs=0.02)
 
 
+@pytest.mark.parametrize(("unseen_s", "begins_s"), [((0.5, 0.75), 0.63), ((0.5, 0.98), 0.74), ((0.62, 1.12), 0.0)])
+def test_run_begins_after_a_nudge_however_long_the_marks_are_not_seen(
+    unseen_s: tuple[float, float], begins_s: float
+) -> None:
+    """Nine frames around a nudge were rejected as outliers, and half a millimetre before it was unknown physics.
+
+    Where the marks are seen again only when the robot moves, the way may be its own.
+    """
+    run = filmed()
+    marks = run.marks_mm + 0.3 * (run.time_s > 0.7)[:, None] * [0.6, 0.8, 0.6, 0.8]
+    marks[(run.time_s > unseen_s[0]) & (run.time_s < unseen_s[1])] = np.nan
+    assert kept_s(replace(run, marks_mm=marks))[0] == pytest.approx(begins_s, abs=0.02)
+
+
 @pytest.mark.parametrize(
     "run",
     [

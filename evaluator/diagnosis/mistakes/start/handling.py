@@ -35,15 +35,22 @@ def between_hands(run: RunData) -> slice:
         if len(carried):
             laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
             begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
-        # a nudge too small to be a hand's carrying, and a knock at the camera, do not matter before the start
-        nudge = jump(run.first(int(np.searchsorted(time, on_s + RESTS_S))))
-        if nudge is not None and nudge[0] < on_s - BEFORE_START_S:
+        # a nudge too small to be a hand's carrying, and a knock at the camera, do not matter before the start; nor does
+        # how many frames around it have no marks, as the robot rests
+        nudge = jump(run.first(int(np.searchsorted(time, on_s + RESTS_S))), np.inf)
+        if nudge is not None and nudge[0] < on_s - BEFORE_START_S and _seen_from_s(run, nudge[0]) <= on_s:
             begin = max(begin, int(np.searchsorted(time, nudge[0])))
     if off_s is not None:
         carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S)
         # without a rest in between, a hand is faster than the robot was
         end = int(carried[0]) if len(carried) else int(np.searchsorted(time, taken_away_s(run, off_s)))
     return slice(begin, end)
+
+
+def _seen_from_s(run: RunData, time_s: float) -> float:
+    """The first time from this one on at which both marks are seen."""
+    seen = np.isfinite(run.marks_mm).all(axis=1) & (run.time_s >= time_s)
+    return float(run.time_s[seen][0]) if seen.any() else np.inf
 
 
 def moved_before_start_mm(run: RunData) -> float:
