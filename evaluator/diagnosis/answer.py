@@ -69,8 +69,7 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
         reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:
-        verdict, reason = "unknown", reserve
-        chosen = next((ids for ids in table.sets if any(map(is_free, ids))), chosen)
+        verdict, (chosen, reason) = "unknown", _nearest(reserve, search, table, chosen, session)
     if few := _too_few(verdict, reason, search, chosen, session):
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
@@ -79,6 +78,18 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
+
+
+def _nearest(reserve: str, search: Search, table: Standing, chosen: Set, session: Session) -> tuple[Set, str]:
+    """The best set with a free-form term, and the reason, which says so if it explains too little.
+
+    reserve: why the chosen set is no answer. It stays where no free-form term was fitted.
+    """
+    nearest = next((ids for ids in table.sets if any(map(is_free, ids))), None)
+    if nearest is None:
+        return chosen, reserve
+    still = doubts(adequacy(search.fits[nearest], session.data, session.relevant.speed_percent / 100), ())
+    return nearest, f"{reserve}; with the free-form term, {still}" if still else reserve
 
 
 def step_for_drift(search: Search, chosen: Set, session: Session) -> str:

@@ -320,5 +320,8 @@ def shortcomings(data: Sequence[RunData], skipped: Mapping[str, str] | None = No
     commands = {(item.left_rpm, item.right_rpm) for run in moving for item in run.run_command.driven}
     if commands and len(commands) < FEWEST_COMMANDS:
         left_rpm, right_rpm = next(iter(commands))
-        reasons.append(f"all runs have the same command, {left_rpm:g} / {right_rpm:g} rpm")
+        reasons.append(
+            f"all runs have the same command, {left_rpm:g} / {right_rpm:g} rpm: drive other ratios of the wheel "
+            "speeds, to both sides and in both directions"
+        )
     return reasons

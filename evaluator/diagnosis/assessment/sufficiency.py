@@ -19,6 +19,7 @@ from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
 from evaluator.diagnosis.inference.fit import EXPLAINED
 
 SEVERAL = 2  # runs that one law must explain; a single one it may have been fitted to
+SIDES, WAYS = (("left", 1.0), ("right", -1.0)), (("forward", 1.0), ("backward", -1.0))
 ODD_SHARE = 0.05  # share of recordings that go wrong by themselves
 
 
@@ -43,6 +44,14 @@ def gathered(odd: Collection[int], kinds: Sequence[Hashable]) -> Hashable | None
     chance = {kind: float(special.bdtrc(missed[kind] - 1, runs[kind], ODD_SHARE)) for kind in several}
     least = min(chance, key=lambda kind: chance[kind], default=None)
     return least if least is not None and chance[least] * len(runs) < FREE_PRIOR else None
+
+
+def not_driven(commands: Sequence[tuple[float, float]]) -> list[str]:
+    """Kinds of motion that commands (rpm of the left and right wheels) lack, so that what acts there was not tested."""
+    turns = {float(np.sign(right - left)) for left, right in commands} - {0.0}
+    ways = {float(np.sign(left + right)) for left, right in commands} - {0.0}
+    sides = ["turns"] if not turns else [f"{side} turns" for side, sign in SIDES if sign not in turns]
+    return sides + [f"{way} motion" for way, sign in WAYS if ways and sign not in ways]
 
 
 def fewest_runs(parameters: int) -> int:

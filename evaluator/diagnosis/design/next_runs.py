@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, Standing
+from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, Standing, is_free
 from evaluator.diagnosis.design.candidate_runs import (
     CORNERS,
     HEADINGS_DEG,
@@ -269,13 +269,15 @@ def _rivals(search: Search, chosen: Set, table: Standing, apart: Mapping[str, Ma
     """Fitted models that the data do not exclude: probable ones, and effects too similar to a chosen one.
 
     A set with one effect in addition to the chosen ones is not a rival, since no run distinguishes it from the same set
-    with size 0; but if no effect is chosen, a more probable effect with insufficient odds is.
+    with size 0; but if no effect is chosen, more probable named effects with insufficient odds are.
     """
     best = table.of(chosen)
     found = {
         " + ".join(sorted(ids)) or "no effect": Rival(search.fits[ids], float(np.sqrt(2 * max(best - score, 0.0))))
         for ids, score, probability in zip(table.sets, table.scores, table.probability, strict=True)
-        if ids != chosen and probability > RIVAL_PROBABILITY and (not ids > chosen or (not chosen and score > best))
+        if ids != chosen
+        and probability > RIVAL_PROBABILITY
+        and (not ids > chosen or (not chosen and score > best and not any(map(is_free, ids))))
     }
     for effect, others in apart.items():
         near = sorted((sigmas, other) for other, sigmas in others.items() if other and sigmas < SAME_SIGMAS)

@@ -260,6 +260,7 @@ class DiagnosisContent(TypedDict):
     shared_errors_sigmas: NotRequired[dict[str, Number] | None]  # fitted errors common to all runs, over their sigmas
     limits: NotRequired[list[LimitContent]]  # with "none" and "effect": what the runs exclude
     not_tried: NotRequired[list[str]]  # effects that these runs cannot show: of the plate, or from run to run
+    not_driven: NotRequired[list[str]]  # kinds of motion that no run has: "left turns", "backward motion"
     exact_frictions: NotRequired[list[str]]  # without a tolerance, of which sizes of the found effects depend
     own_effects: NotRequired[dict[str, str]]  # effects of the user that were tried: file by id
     changed_meanwhile: NotRequired[list[str]]  # input files that changed during the diagnosis

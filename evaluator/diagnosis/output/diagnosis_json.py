@@ -14,6 +14,7 @@ from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreeme
 from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.assessment.sufficiency import not_driven
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel
@@ -98,6 +99,9 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
             for item in diagnosis.limits
         ],
         "not_tried": _not_tried(diagnosis.session),
+        "not_driven": not_driven(
+            [(item.left_rpm, item.right_rpm) for run in diagnosis.session.data for item in run.run_command.driven]
+        ),
         "exact_frictions": _exact_frictions(diagnosis),
     }
 

@@ -153,7 +153,7 @@ def unlike_sentences(content: Json) -> list[str]:
 
 
 def not_tried_sentence(content: Json) -> str:
-    """Effects that these runs cannot show; empty if all were tested."""
+    """Effects and motions that these runs cannot show; empty if all were tested."""
     effects = content.get("not_tried") or []
     by_run = [effect for effect in effects if effect in EFFECTS and EFFECTS[effect].varies_by_run]
     of_plate = [effect for effect in effects if effect not in by_run]
@@ -161,7 +161,10 @@ def not_tried_sentence(content: Json) -> str:
         ("Poses are relative to the start of each run, so effects that are fixed to the plate", of_plate),
         ("Commands are not repeated later in the session, so effects that change from run to run", by_run),
     )
-    return " ".join(f"{reason} were not tested: {', '.join(those)}." for reason, those in reasons if those)
+    said = [f"{reason} were not tested: {', '.join(those)}." for reason, those in reasons if those]
+    if lacking := content.get("not_driven"):
+        said.append(f"These runs have no {' and no '.join(lacking)}: what acts there alone was not tested.")
+    return " ".join(said)
 
 
 def exact_frictions_sentence(content: Json) -> str:

@@ -163,6 +163,14 @@ def test_a_step_of_the_speed_is_looked_for_with_the_drift_and_without_it(
     assert step_for_drift(search, frozenset(chosen), SimpleNamespace(data=())) == said  # type: ignore[arg-type]
 
 
+def test_a_free_form_term_that_explains_too_little_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = answered(monkeypatch, (A, "effect"), reserve="residuals", small="they remain")
+    assert (found.verdict, found.chosen) == ("unknown", FREE | A)
+    assert found.reason == "residuals; with the free-form term, they remain"
+    assert found.leftover == "left of fit of ['a']"  # of what was no answer: its runs are examined
+    assert answered(monkeypatch, (A, "effect"), reserve="residuals").reason == "residuals"
+
+
 def test_on_open_ground_a_reserve_is_added_to_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     found = answered(monkeypatch, (A, "effect"), reserve="residuals", on_ground=True)
     assert (found.verdict, found.reason, found.chosen) == ("effect", "so; residuals", A)

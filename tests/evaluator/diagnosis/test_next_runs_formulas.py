@@ -173,6 +173,8 @@ def test_rivals_are_sets_of_a_fiftieth_of_the_probability_but_for_those_with_one
     assert rivals({A: 10.0, NONE: 10.0 - np.log(48)}, A) == {"no effect": pytest.approx((2 * np.log(48)) ** 0.5)}
     assert rivals({A: 10.0, NONE: 10.0 - np.log(50)}, A) == {}
     assert rivals({NONE: 3.0, A: 4.0, B: 2.0}, NONE) == {"a": 0.0}  # without the odds, but likelier than none
+    form = frozenset({"free:x", "a"})
+    assert rivals({NONE: 3.0, A: 4.0, form: 6.0}, NONE) == {"a": 0.0}  # what has no name is told from nothing
     assert rivals({AB: 4.0, frozenset({"b", "a2"}): 4.0}, AB) == {"a2 + b": 0.0}
 
 

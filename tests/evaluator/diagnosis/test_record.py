@@ -24,6 +24,7 @@ from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.coordinates import Candidate
 from simulator.robot import load_robot
+from tests.evaluator.diagnosis.synthetic import run_data
 
 
 def diagnosis(**more: Any) -> Any:
@@ -31,7 +32,7 @@ def diagnosis(**more: Any) -> Any:
     mistake = SimpleNamespace(runs=("r1",), kind="reversed", equivalent_kinds=("mirrored",), sentence="r1: backward")
     session = SimpleNamespace(
         mistakes=(mistake,), skipped={"r7": "dark"}, left_out={"r8": "alone"}, explained=(), own=(), one_frame=True,
-        commands_recur=True, known=("known",), data=[SimpleNamespace(id="r1"), SimpleNamespace(id="r2")],
+        commands_recur=True, known=("known",), data=[run_data(20.0, 30.0, k) for k in (1, 2)],
     )  # fmt: skip
     return SimpleNamespace(**{"verdict": "none", "reason": "so", "session": session, "search": None, **more})
 
@@ -108,6 +109,7 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     assert found["disagrees"] == [
         {"run": "r2", "phase": "start", "quantity": "yaw_rate", "size": 1.23457, "sigmas": 4.5}
     ]
+    assert found["not_driven"] == ["right turns", "backward motion"]
     assert found["limits"] == [{"id": "c", "parameter": "size", "low": None, "high": 0.123457}]
     assert (found["constancy"], found["runs_not_followed"]) == ({"slow and fast": None}, ["r2"])
     together.is_finding = False

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
-from evaluator.diagnosis.assessment.sufficiency import fewest_runs, gathered, most_odd, too_few
+from evaluator.diagnosis.assessment.sufficiency import fewest_runs, gathered, most_odd, not_driven, too_few
 
 
 def left(*excess: float) -> Any:
@@ -24,6 +24,20 @@ def test_as_many_runs_may_be_odd_as_go_wrong_by_themselves(runs: int, odd: int) 
     assert most_odd(runs) == odd
     assert (wrong > odd).mean() < 0.05
     assert odd == 0 or (wrong > odd - 1).mean() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("commands", "lacking"),
+    [
+        ([(30, 20), (-20, -30)], ["left turns"]),  # clockwise seen from above, forward and backward
+        ([(30, 20), (20, 30), (-9, -9)], []),
+        ([(30, 30), (20, 20)], ["turns", "backward motion"]),
+        ([(20, -20), (-10, 10)], []),  # on the spot: neither forward nor backward
+        ([(20, -20), (30, 30)], ["left turns", "backward motion"]),
+    ],
+)
+def test_motions_that_no_run_has_are_named(commands: list[tuple[float, float]], lacking: list[str]) -> None:
+    assert not_driven(commands) == lacking
 
 
 KINDS = [*"aabbccccc", *"defghij"]

@@ -256,6 +256,9 @@ def test_effects_that_these_runs_cannot_show_are_told_with_the_reason() -> None:
     said = not_tried_sentence(content)
     assert "fixed to the plate were not tested: plate-tilt, stray-magnet. Commands are not repeated" in said
     assert said.endswith("effects that change from run to run were not tested: speed-drift.")
+    assert not_tried_sentence({"not_driven": ["right turns", "backward motion"]}) == (
+        "These runs have no right turns and no backward motion: what acts there alone was not tested."
+    )
     limit = {"ahead_rpm": {"value": 1e6, "low": 51.7, "high": 1e6}}
     content = {**CONTRACT, "reason": "so", "effects": [{**CONTRACT["effects"][0], "id": "speed-limit"}]}
     content["effects"][0]["parameters"] = limit
