@@ -59,7 +59,8 @@ Examples:
     type=click.FloatRange(min=0, min_open=True),
     default=180.0,
     show_default=True,
-    help="Limit of processor time for the search; the next call continues it. inf: no limit.",
+    help="Limit of processor time for the search, twice as long once a model explains the runs; the next call "
+    "continues it. inf: no limit.",
 )
 @write_mended_option
 @json_option

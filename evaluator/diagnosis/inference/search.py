@@ -147,7 +147,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
         search.fits[ids] = fit
     search.failed.pop(ids, None)
     if search.problem.horizon_s == np.inf:
-        search.problem.watch.so_far = search.so_far
+        search.problem.watch.so_far, search.problem.watch.explained = search.so_far, search.explained > -np.inf
     return search.fits[ids]
 
 

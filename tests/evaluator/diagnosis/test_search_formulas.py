@@ -146,6 +146,10 @@ def test_the_best_fit_of_a_set_is_kept_with_the_steps_of_all(monkeypatch: pytest
     assert [item.posterior.log_evidence for item in kept if item] == [5.0, 7.0, 7.0]
     assert (search.failed, search.steps) == ({}, 9)
     assert search.problem.watch.so_far.startswith("of 2 fitted models the most probable is a,")
+    assert search.problem.watch.explained
+    monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", lambda *_, **__: of(9.0, excess=1.6))
+    fit_set(search, A, {}, of(0.0))
+    assert not search.problem.watch.explained
 
 
 def test_a_threshold_that_is_chosen_and_not_fitted_counts_as_a_number(monkeypatch: pytest.MonkeyPatch) -> None:

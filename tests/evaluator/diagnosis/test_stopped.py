@@ -11,6 +11,7 @@ import pytest
 from evaluator.diagnosis import diagnosis as module
 from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
+from evaluator.diagnosis.inference import watch as watch_module
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
 from evaluator.diagnosis.result import Diagnosis
@@ -28,6 +29,19 @@ def test_a_watch_whose_time_is_over_says_what_was_found() -> None:
     watch = Watch(seconds=0.0)
     watch.so_far = "the tilt explains the runs"
     with pytest.raises(SearchStoppedError, match=r"after 0 s of processor time.*; so far, the tilt explains the runs"):
+        watch.look()
+
+
+def test_a_search_that_explains_the_runs_has_twice_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = iter([0.0, 7.0, 7.0, 13.9, 14.0])
+    monkeypatch.setattr(watch_module, "process_time", lambda: next(now))
+    watch = Watch(seconds=7.0)
+    with pytest.raises(SearchStoppedError, match="after 7 s"):
+        watch.look()
+    watch.explained = True
+    watch.look()
+    watch.look()
+    with pytest.raises(SearchStoppedError, match="after 14 s"):
         watch.look()
 
 
