@@ -50,6 +50,8 @@ def run_search(search: Search, start: Point, nominal: Point, progress: Progress,
         if search.problem.horizon_s == np.inf:  # over short horizons every single effect is fitted already
             _from_the_nominal(search, nominal)
     for size in range(1, LARGEST_SET):
+        if search.problem.horizon_s < np.inf and search.explained > -np.inf:
+            break  # what else acts shows over a longer horizon
         sizes = [ids for ids in (*search.fits, *search.failed) if len(ids) == size and search.reached(ids)]
         beam = sorted(sizes, key=lambda ids: -search.evidence(ids))[: BEAM[size - 1]]
         beam = [

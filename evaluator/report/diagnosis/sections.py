@@ -9,7 +9,7 @@ from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_sec
 from evaluator.report.diagnosis.limits import limits_section
 from evaluator.report.diagnosis.values import (
     length,
-    parameter,
+    parameters,
     percent_text,
     scatter_text,
     signed_percent,
@@ -71,10 +71,10 @@ def _verdict(view: DiagnosisView) -> Section:
         text += [together_sentence(effect), equivalents_sentence(effect)]
     text += [rivals_sentence(content), separations_sentence(content)]
     rows = [
-        (effect["name"], *parameter(name, effect["id"]), best, f"{low} to {high}")
+        (effect["name"], *words, best, f"{low} to {high}")
         for effect in content.get("effects") or []
-        for name, value in effect["parameters"].items()
-        for best, low, high in [sizes(name, value, effect["id"])]
+        for name, words in parameters(effect).items()
+        for best, low, high in [sizes(name, effect["parameters"][name], effect["id"])]
     ]
     head = ("effect", "parameter", "unit", "value", "95 %")
     table = Table("Effects found, with 95 % intervals.", head, tuple(rows))

@@ -5,13 +5,21 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, TWIN_WORDS
+from evaluator.diagnosis.candidates.free_form_words import BASIS_WORDS, CHANNEL_WORDS, TWIN_WORDS, unit_of_coefficient
 from evaluator.report.numbers import UNKNOWN, significant, true_minus
 from evaluator.wording import with_bounds
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.parameter import UNITS, Unit
 
 Json = dict[str, Any]
+
+
+def parameters(effect: Json) -> dict[str, tuple[str, str]]:
+    """Words and units of the parameters of an effect, by name; a single coefficient is the size of what has a name."""
+    found = {name: parameter(name, effect["id"]) for name in effect["parameters"]}
+    if effect["id"] == "free-form" and len(found) == 1:
+        return {name: ("size", unit) for name, (_, unit) in found.items()}
+    return found
 
 
 def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
@@ -21,8 +29,9 @@ def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
     if twin:  # of a coefficient that acts on both sides
         return TWIN_WORDS.get(name, name), ""
     if basis:  # of a free-form term: channel.basis or channel.basis.pattern
-        shown = (CHANNEL_WORDS[channel][1] + BASIS_WORDS[basis[0]][1]) if channel in CHANNEL_WORDS else ""
-        return " ".join(name.replace("_", " ").split(".")), "" if shown == "1" else shown
+        wheels = "".join(f" ({pattern} wheels)" for pattern in basis[1:])
+        words = f"{CHANNEL_WORDS[channel][0]} {BASIS_WORDS[basis[0]][0]}{wheels}"
+        return words, unit_of_coefficient(channel, basis[0])
     declared = EFFECTS[effect_id].parameter(name) if effect_id in EFFECTS else None
     unit = UNITS[declared.unit] if declared else _unit_of(name)
     if unit.ending and name.startswith(f"{unit.ending}_"):

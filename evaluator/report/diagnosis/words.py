@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import length, parameter, scatter_text, sizes
+from evaluator.report.diagnosis.values import length, parameters, scatter_text, sizes
 from evaluator.report.numbers import significant
 from simulator.effects.catalogue import EFFECTS
 
@@ -78,9 +78,8 @@ def closes(content: Json) -> bool:
 def _sizes(effect: Json) -> str:
     """Sizes with their 95 % intervals, for a sentence."""
     parts: list[str] = []
-    for name, value in effect["parameters"].items():
-        words, unit = parameter(name, effect["id"])
-        best, low, high = sizes(name, value, effect["id"])
+    for name, (words, unit) in parameters(effect).items():
+        best, low, high = sizes(name, effect["parameters"][name], effect["id"])
         size = f"{best} {unit}".replace(" °", "°").rstrip()
         parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
     return ", " + ", ".join(parts) if parts else ""

@@ -11,7 +11,7 @@ import pytest
 from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
 from evaluator.report.diagnosis.knowledge import finding_sentences, preferred_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
-from evaluator.report.diagnosis.values import length, parameter, sizes
+from evaluator.report.diagnosis.values import length, parameter, parameters, sizes
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     left_out_sentence,
@@ -210,8 +210,14 @@ def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
             words, _ = parameter(item.name)
             assert words
             assert "_" not in words
-    assert parameter("speed.cos_heading.driving") == ("speed cos heading driving", "")
-    assert parameter("moment.u_abs_u") == ("moment u abs u", "µN·mm/(mm/s)²")
+    words = "a relative error of the surface speed varying with the cosine of heading (driving wheels)"
+    assert parameter("speed.cos_heading.driving") == (words, "")
+    squared = "a moment about the vertical growing with the square of forward speed"
+    assert parameter("moment.u_abs_u") == (squared, "µN·mm/(mm/s)²")
+    several = {"id": "free-form", "parameters": {"moment.u_abs_u": {}, "speed.cos_heading.driving": {}}}
+    assert [each for each, _ in parameters(several).values()] == [squared, words]
+    del several["parameters"]["speed.cos_heading.driving"]  # what its name says already
+    assert parameters(several) == {"moment.u_abs_u": ("size", "µN·mm/(mm/s)²")}
 
 
 def test_lengths_are_told_in_the_unit_of_their_size() -> None:
