@@ -230,7 +230,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         unrefined = part
     else:
         part = search_named(ready, progress, seeds)
-        if diverging := diverging_runs(part):
+        if diverging := part.diverging or diverging_runs(part):
             rest = session.leaving_out(diverging, DIVERGING)
             return _searched(rest, progress, fits, seeds_without(part, diverging))
         unrefined = part

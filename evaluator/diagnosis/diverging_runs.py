@@ -14,6 +14,7 @@ import numpy as np
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.experiment import shortcomings
 from evaluator.diagnosis.inference.fit import EXPLAINED
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -54,6 +55,21 @@ def diverging_runs(search: Search) -> list[int]:
         runs, most = [best.runs[k] for k in np.flatnonzero(misfit > STANDS_OUT * np.median(misfit))], most_odd(count)
     found = _diverging_at(problem, best.point, best.columns, runs)
     return [] if len(found) > most or not _suffice_without(problem, found) else found
+
+
+def diverging_beyond(search: Search, seeds: Sequence[Fit]) -> list[int]:
+    """Indices of the runs that diverge after the first seconds, at a fit that explains these.
+
+    seeds: fits of the first seconds. No fit of the whole runs may converge beside such a run: in a turn on the spot of
+    16 s on a plate with a grain, a hundredth of a step raised the misfit a thousandfold, and the right model, which
+    had been found, was not fitted until the time was over. None on open ground, or if more than half of the runs
+    diverge, or too few are left.
+    """
+    problem = search.problem
+    every = range(len(problem.data))
+    explaining = [fit for fit in seeds if fit.converged and fit.excess < EXPLAINED and not problem.open_ground]
+    found = sorted({run for fit in explaining for run in _diverging_at(problem, fit.point, fit.columns, every)})
+    return found if 2 * len(found) <= len(every) and _suffice_without(problem, found) else []
 
 
 def suspected_runs(search: Search) -> list[int]:

@@ -10,6 +10,7 @@ import numpy as np
 from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score, separations, standing
 from evaluator.diagnosis.assessment.verdict import RELIEVING, best_named, least_gain
+from evaluator.diagnosis.diverging_runs import diverging_beyond
 from evaluator.diagnosis.inference.fit import LAGGING, fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.profile_likelihood import Profile
@@ -54,7 +55,10 @@ def rank_named(search: Search, families: int) -> tuple[Standing, Set]:
 
 
 def search_named(ready: Prepared, progress: Progress, seeds: Sequence[Fit] = ()) -> Search:
-    """The search over named effects on all runs that are not held out; seeds: of `seeds_without`."""
+    """The search over named effects on all runs that are not held out; seeds: of `seeds_without`.
+
+    It ends after the first seconds of the runs if some of them diverge later.
+    """
     part, begin, large = _begun(ready, fitted_runs(ready.problem.data))
     if large or seeds:
         drift = usual_drift(part.problem.field_of_view)
@@ -64,6 +68,8 @@ def search_named(ready: Prepared, progress: Progress, seeds: Sequence[Fit] = ())
         part, begin = _with_drift(part, begin)
     if large and not seeds:
         seeds = short_horizon_fits(part, ready.start, progress)
+        if diverging := diverging_beyond(part, seeds):
+            return replace(part, fits={seed.terms: seed for seed in seeds}, diverging=tuple(diverging))
     run_search(part, begin, ready.start, progress, seeds)
     return part
 

@@ -45,12 +45,14 @@ class Search:
     failed: dict[frozenset[str], Fit | None] = field(default_factory=dict)
     asked: frozenset[str] = frozenset()  # user-defined effects: fitted whenever a set is extended
     extended: set[frozenset[str]] = field(default_factory=set)  # sets for which additions were screened
+    diverging: tuple[int, ...] = ()  # runs without which it is to begin anew: its fits are of the first seconds
     steps: int = 0  # of all its fits together
     most_steps: int = MOST_STEPS
 
     def anew(self, **changes: Any) -> Search:
         """A search with these fields changed, and without fits."""
-        empty: dict[str, Any] = {"fits": {}, "failed": {}, "extended": set(), "steps": 0, "most_steps": MOST_STEPS}
+        empty: dict[str, Any] = {"fits": {}, "failed": {}, "extended": set(), "diverging": ()}
+        empty |= {"steps": 0, "most_steps": MOST_STEPS}
         return replace(self, **(empty | changes))
 
     @property

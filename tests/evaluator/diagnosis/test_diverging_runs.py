@@ -86,6 +86,26 @@ def test_none_diverges_on_open_ground_or_where_no_model_explains_or_where_too_fe
     assert diverging_runs.diverging_runs(search_of(slopes, [9.0, 0.0, 0.0], **changes)) == []
 
 
+def seeds_of(search: Any, *kinds: dict[str, Any]) -> list[Any]:
+    """Fits of the first seconds at the point of the best fit, converged and explaining but for these changes."""
+    (best,) = search.fits.values()
+    return [SimpleNamespace(**(vars(best) | {"converged": True, "excess": 1.0} | kind)) for kind in kinds]
+
+
+def test_a_run_that_diverges_after_the_first_seconds_is_found_at_any_fit_that_explains_these() -> None:
+    search = search_of([1.0] * 3, [0.0, 9.0, 0.0])
+    elsewhere = Point(np.zeros((3, 7)), terms={"drift": (np.nan,)})  # from where the runs cannot be simulated
+    assert diverging_runs.diverging_beyond(search, seeds_of(search, {"point": elsewhere}, {})) == [1]
+    for kinds in ([], [{"converged": False}], [{"excess": 1.6}], [{"point": elsewhere}]):
+        assert diverging_runs.diverging_beyond(search, seeds_of(search, *kinds)) == []
+    for other in (
+        search_of([1.0] * 3, [9.0, 9.0, 0.0]),  # more than half
+        search_of([1.0] * 2, [9.0, 0.0]),  # too few are left
+        search_of([1.0] * 3, [0.0, 9.0, 0.0], open_ground=True),
+    ):
+        assert diverging_runs.diverging_beyond(other, seeds_of(other, {})) == []
+
+
 @pytest.mark.parametrize(
     ("bends", "misfit", "found"),
     [([0.0, 9.0], 11.0, [3]), ([9.0, 9.0], 11.0, [3]), ([0.0, 9.0], 9.0, []), ([9.0, 0.0], 11.0, [])],

@@ -341,6 +341,18 @@ def test_the_best_two_effects_and_the_best_pair_are_extended_if_they_do_not_lag(
         strategy.run_search(searching(), point, point, lambda _, share, *__, to=shares: to.append(share))
         assert extended == wanted
         assert shares == pytest.approx([0.1, *([0.475, 0.65] if len(wanted) == 3 else [0.65]), 1.0])
+    for excess, sizes in ((1.0, []), (1.6, ["c"])):  # over the first seconds until a set explains them, here a pair
+        extended.clear()
+        monkeypatch.setattr(
+            strategy,
+            "_from_the_null",
+            lambda search, left=excess: search.fits.update({frozenset("c"): of(-2.0, excess=left)}),
+        )
+        short = searching()
+        short.problem.horizon_s = 2.5
+        short.terms = {"c": LINE}
+        strategy.run_search(short, point, point, lambda *_: None)
+        assert extended == sizes
 
 
 def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
-from evaluator.diagnosis.diagnosis import UNSIMULATED, _diagnosed, _with_next_runs
+from evaluator.diagnosis.diagnosis import UNSIMULATED, _completed, _diagnosed
 from evaluator.diagnosis.diverging_runs import DIVERGING
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.watch import SearchStoppedError
@@ -37,7 +37,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     part: Any = SimpleNamespace(problem="problem of the part", runs=(0, 2))
     whole: Any = SimpleNamespace(problem="problem of all")
     results = {
-        "search_named": "named", "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
+        "search_named": NAMED, "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
         "searched_on_ground": (part, whole), "separations": {"a": {}}, "profiles_of": {"a": "profile"},
         "fitted_where_absent": False,
     }  # fmt: skip
@@ -63,6 +63,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, verdict: str, *, open_ground: boo
     monkeypatch.setattr(module, "answer", lambda *_: said)
 
 
+NAMED: Any = SimpleNamespace(name="named", diverging=())  # a search
 ON_PLATE = ["search_named", "refined", "fit_on_all_runs", "challenge_with_free_terms"]
 
 
@@ -85,7 +86,7 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
         assert [given[2] for given in done[-3:]] == [TILT, TILT, frozenset("b")]
     if not open_ground:
         assert [given[1:] for given in done[:4]] == [
-            (done[0][1], no_progress, ()), ("named", "start", no_progress), (found.fit_search, {"a": None}),
+            (done[0][1], no_progress, ()), (NAMED, "start", no_progress), (found.fit_search, {"a": None}),
             (found.search, {"free:x": None}, no_progress),
         ]  # fmt: skip
 
@@ -112,7 +113,7 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     answering(monkeypatch, "none", open_ground=False)
     told = iter([[1], []])
     monkeypatch.setattr(module, "diverging_runs", lambda _: next(told))
-    monkeypatch.setattr(module, "seeds_without", lambda part, runs: (part, runs))
+    monkeypatch.setattr(module, "seeds_without", lambda part, runs: (part.name, runs))
     session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
     found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [step for step, *_ in done] == ["search_named", *ON_PLATE]
@@ -121,6 +122,13 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
     assert found.session.left_out == {"r1": DIVERGING}
     assert found.held_out == (1,)  # the second of the three that remain
+    done.clear()
+    told = iter([[], []])
+    early = iter([SimpleNamespace(name="of the first seconds", diverging=(2,)), SimpleNamespace(diverging=())])
+    monkeypatch.setattr(module, "search_named", lambda *given: done.append(("search_named", *given)) or next(early))
+    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    assert [given[3] for given in done[:2]] == [(), ("of the first seconds", (2,))]
+    assert [run.id for run in found.session.data] == ["r0", "r1", "r3"]
 
 
 @pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient", "stopped"])
@@ -141,7 +149,7 @@ def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
 
     monkeypatch.setattr(module, "answer", answer)
     suspected = iter([[1, 2], []])
-    monkeypatch.setattr(module, "suspected_runs", lambda part: next(suspected) if part == "named" else [])
+    monkeypatch.setattr(module, "suspected_runs", lambda part: next(suspected) if part is NAMED else [])
     found = _diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
     explained = verdict in ("effect", "none")
     assert found.verdict == (verdict if explained else "unknown")
@@ -198,13 +206,16 @@ def test_runs_to_record_next_are_those_of_the_answer_and_none_without_a_search(
 ) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(module, "best_next_runs", lambda *given: asked.append(given) or "next")
+    monkeypatch.setattr(module, "limits", lambda *given: ("limits", *given))
     none = Diagnosis("insufficient", "few", session_of(3))
-    assert _with_next_runs(none, no_progress) is none
+    assert _completed(none, no_progress) is none
     search: Any = "search"
     standing: Any = "standing"
     found = Diagnosis(
         "effect", "", session_of(3, known=("k",)), search=search, standing=standing, chosen=TILT, separation=apart
     )
-    assert _with_next_runs(found, no_progress).next_runs == "next"
+    whole = _completed(found, no_progress)
+    assert (whole.next_runs, whole.limits) == ("next", ("limits", "search", TILT))
     assert asked == [("search", TILT, "standing", apart or {}, ("k",))]
+    assert _completed(replace(found, verdict="unknown"), no_progress).limits == ()
     assert np.isnan(found.confirmation)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -43,7 +43,7 @@ def searching(fits: dict[str, float], **more: Any) -> Search:
     """A search with fits of these log evidences, of effects with one letter each; d is stepwise."""
     terms: Any = {name: SimpleNamespace(id=name, stepwise=name == "d") for name in "abcdefghijkl"}
     made = {frozenset(name): fit_of(value, name, **dict.fromkeys(name, (value,))) for name, value in fits.items()}
-    problem: Any = SimpleNamespace(open_ground=False, data=(None, None), **more.pop("world", {}))
+    problem: Any = SimpleNamespace(open_ground=False, data=(None, None), field_of_view=7.0, **more.pop("world", {}))
     return Search(problem, terms, {"key": 1.0}, (0,), fits=made, **more)
 
 
@@ -247,6 +247,7 @@ def test_a_search_begins_with_seconds_where_recalibration_does_not_bring_the_mod
     )
     monkeypatch.setattr(search_runs, "_with_drift", lambda part, begin: done.append("drift") or (part, begin))
     monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: done.append("seconds first") or ("short",))
+    monkeypatch.setattr(search_runs, "diverging_beyond", lambda *_: [])
     ran: list[Any] = []
     monkeypatch.setattr(
         search_runs, "run_search", lambda _, begin, nominal, __, seeds: ran.append((begin, nominal, seeds))
@@ -331,12 +332,23 @@ def test_a_robot_that_recalibration_makes_implausible_is_searched_by_seconds_too
     monkeypatch.setattr(search_runs, "recalibrated", lambda *_: Point(np.ones((2, 7))))
     monkeypatch.setattr(search_runs, "replace", lambda item, **_: item)
     monkeypatch.setattr(search_runs, "with_noise_of", lambda item, _: item)
-    monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: ("short",))
+    short: Any = SimpleNamespace(terms=frozenset("a"))
+    monkeypatch.setattr(search_runs, "short_horizon_fits", lambda *_: (short,))
+    diverging: list[int] = []
+    monkeypatch.setattr(search_runs, "diverging_beyond", lambda *_: diverging)
     seeds: list[Any] = []
     monkeypatch.setattr(search_runs, "run_search", lambda *given: seeds.append(given[-1]))
     ready: Any = SimpleNamespace(problem=searching({}).problem, start=None, named={}, tolerance={}, own=NONE)
     search_runs.search_named(ready, no_progress)
-    assert seeds == [("short",)]
+    assert seeds == [(short,)]
+    diverging.append(1)
+    begun = searching({})
+    monkeypatch.setattr(
+        search_runs, "replace", lambda item, **more: replace(item, **more) if item is begun and "fits" in more else item
+    )
+    monkeypatch.setattr(search_runs, "_begun", lambda *_: (begun, None, True))
+    part = search_runs.search_named(ready, no_progress)
+    assert (part.fits, part.diverging, len(seeds)) == ({short.terms: short}, (1,), 1)  # without a search of whole runs
 
 
 @pytest.mark.parametrize("succeeds", [True, False])

@@ -64,6 +64,19 @@ def test_a_far_start_is_fitted_to_longer_and_longer_beginnings_each_from_the_one
     assert found == reached
 
 
+@pytest.mark.parametrize(
+    ("seconds", "horizons"),
+    [
+        (0.9, []),
+        (9.9, [1.0, 2.5]),
+        (10.1, [1.0, 2.5, 6.25]),  # four times as long is too far
+        (26.0, [1.0, 2.5, 6.25, 15.625]),
+    ],
+)
+def test_horizons_go_on_until_the_whole_run_is_near(seconds: float, horizons: list[float]) -> None:
+    assert short_horizon.within(runs_of(seconds), short_horizon.HORIZONS_S) == horizons
+
+
 def test_the_four_best_sets_of_one_second_converged_or_not_are_carried_on_to_two_and_a_half_and_to_whole_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
