@@ -55,12 +55,14 @@ def _description(content: Json) -> str:
     return f", and no free-form term does either; the largest disagreement: {_with_minus(seen[0])}" if seen else ""
 
 
+TELLING_SIGMAS = 2.0  # significance below which a disagreement, the largest of few runs, is not worth a sentence
 WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree as follows:"
 
 
 def where_sentences(content: Json, most: int) -> list[str]:
     """At most `most` disagreements of robot file and runs; with "none", first why that is consistent."""
     items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
+    items = [item for item in items if (item.get("sigmas") or TELLING_SIGMAS) >= TELLING_SIGMAS]
     sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
     if not sentences or content.get("verdict") != "none":
         return sentences

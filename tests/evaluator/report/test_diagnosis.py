@@ -161,6 +161,9 @@ def test_a_disagreement_beside_the_verdict_none_is_said_to_be_within_what_is_kno
     assert opening in sentences[0]
     assert "278 degrees" in sentences[-1]
     assert where_sentences({**content, "where": []}, 4) == []
+    faint, told = ({"sentence": SENTENCE, "sigmas": sigmas} for sigmas in (1.9, 2.1))
+    assert where_sentences({**content, "where": [faint]}, 4) == []
+    assert where_sentences({**content, "where": [faint, told]}, 4) == sentences
 
 
 def test_a_next_experiment_of_another_program_is_left_alone() -> None:
