@@ -19,10 +19,8 @@ from evaluator.diagnosis.likelihood.noise.tracking import Drift
 
 Floats = NDArray[np.float64]
 
-OF_MARKS, OF_POSES = (
-    2,
-    3,
-)  # channels that drift: both coordinates of the midpoint of the marks; of a pose, the heading as well
+# Channels that drift, the first ones: both coordinates of the midpoint of the marks; of a pose, the heading as well.
+OF_MARKS, OF_POSES = 2, 3
 
 
 @dataclass(frozen=True)
