@@ -26,7 +26,7 @@ from evaluator.progress import Progress
 HORIZONS_S = (1.0, 2.5)
 RECALIBRATION_S = (1.0, 2.0, 4.0)  # doubled, so that the error of the heading grows little from one to the next
 # Factor from the last horizon to the longest run, beyond which horizons follow in between. From 2.5 s to runs of 8 s
-# fits converged; to 18 s, the fit of a friction grain, right so far, ended with the friction of four runs at a bound.
+# fits converged; to 18 s, the fit of a friction grain, right so far, ended with friction and gains of runs at a bound.
 LARGEST_LEAP = 4.0
 # Misfit of the nominal model in one run, RMS, from which on the whole run is no place to begin: a linear view errs by
 # about the square of the angle, and of the misplacement over the ten to twenty millimetres that a run covers, which

@@ -75,10 +75,8 @@ def build_problem(
 def _drifting(parts: tuple[Noise, ...], drift: Drift, axes: int) -> tuple[Noise, ...]:
     """The noise of all channels of a run, with a drift of the first ones in proportion to their noise."""
     shares = [part.sigma_mm / parts[0].sigma_mm if place > 1 else 1.0 for place, part in enumerate(parts[:axes])]
-    return (
-        *(replace(part, common_drift=drift.scaled(k)) for part, k in zip(parts, shares, strict=False)),
-        *parts[axes:],
-    )
+    first = (replace(part, common_drift=drift.scaled(k)) for part, k in zip(parts[:axes], shares, strict=True))
+    return (*first, *parts[axes:])
 
 
 def _without_averaged_frames(problem: Problem, point: Point) -> Problem:

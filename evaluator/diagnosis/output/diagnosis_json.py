@@ -90,12 +90,7 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "nominal": _nominal(diagnosis),
         "shared_errors_sigmas": _shared(diagnosis),
         "limits": [
-            {
-                "id": item.effect,
-                "parameter": item.parameter,
-                "low": item.low if item.low is None else rounded(item.low),
-                "high": rounded(item.high),
-            }
+            {"id": item.effect, "parameter": item.parameter, "low": rounded(item.low), "high": rounded(item.high)}
             for item in diagnosis.limits
         ],
         "not_tried": _not_tried(diagnosis.session),

@@ -11,6 +11,7 @@ from simulator.effects.catalogue import EFFECTS
 
 Json = dict[str, Any]
 
+LIMIT_KEYS = {"id", "parameter", "low", "high"}
 CAPTION = (
     "If one of these effects acted as well, its size would lie within these limits (95 %), with every value free in "
     "its tolerance. Larger sizes contradict the runs; smaller ones cannot be excluded. By chance, at most one interval "
@@ -19,8 +20,9 @@ CAPTION = (
 
 
 def limits_section(content: Json) -> Section | None:
-    """Table of the limits; None without any."""
-    rows = tuple(_row(item) for item in content.get("limits") or [] if item.get("id") in EFFECTS)
+    """Table of the limits; None without any. Entries without all `LIMIT_KEYS` (of other programs) are left out."""
+    given = [item for item in content.get("limits") or [] if isinstance(item, dict) and item.keys() >= LIMIT_KEYS]
+    rows = tuple(_row(item) for item in given if item["id"] in EFFECTS)
     if not rows:
         return None
     head = ("effect", "parameter", "unit", "without it", "95 %")
@@ -44,7 +46,7 @@ def _row(item: Json) -> tuple[str, ...]:
 
 def _unlimited(content: Json) -> tuple[str, ...]:
     """A sentence on the effects without limits; empty if all others have one."""
-    named = {item["id"] for key in ("limits", "effects", "negligible") for item in content.get(key) or []}
+    named = {item.get("id") for key in ("limits", "effects", "negligible") for item in content.get(key) or []}
     rest = [effect for effect in EFFECTS if effect not in {*named, *(content.get("not_tried") or [])}]
     if not rest:
         return ()

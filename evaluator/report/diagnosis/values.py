@@ -28,6 +28,8 @@ def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
     channel, *basis = first.split(".")
     if twin:  # of a coefficient that acts on both sides
         return TWIN_WORDS.get(name, name), ""
+    if basis and (channel not in CHANNEL_WORDS or basis[0] not in BASIS_WORDS):  # of another program
+        return " ".join(name.replace("_", " ").split(".")), ""
     if basis:  # of a free-form term: channel.basis or channel.basis.pattern
         wheels = "".join(f" ({pattern} wheels)" for pattern in basis[1:])
         words = f"{CHANNEL_WORDS[channel][0]} {BASIS_WORDS[basis[0]][0]}{wheels}"

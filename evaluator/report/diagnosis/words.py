@@ -62,7 +62,7 @@ WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree a
 def where_sentences(content: Json, most: int) -> list[str]:
     """At most `most` disagreements of robot file and runs; with "none", first why that is consistent."""
     items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
-    items = [item for item in items if (item.get("sigmas") or TELLING_SIGMAS) >= TELLING_SIGMAS]
+    items = [item for item in items if item.get("sigmas") is None or item["sigmas"] >= TELLING_SIGMAS]
     sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
     if not sentences or content.get("verdict") != "none":
         return sentences

@@ -134,6 +134,7 @@ def test_the_report_has_a_row_for_each_limit_and_names_what_has_none() -> None:
         "limits": [
             {"id": "plate-tilt", "parameter": "angle_deg", "low": None, "high": 0.3127},
             {"id": "time-base", "parameter": "factor", "low": 0.99273, "high": 1.0133},
+            {"id": "plate-tilt"},  # of another program
         ],
         "effects": [{"id": "wheel-toe"}],
         "not_tried": ["speed-drift"],

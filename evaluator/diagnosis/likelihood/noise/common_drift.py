@@ -32,9 +32,9 @@ Floats = NDArray[np.float64]
 
 # Size of a random drift after one second, mm, and speed of a creep, mm/s, in the field of view of the paper's robot.
 # Below a quarter of a micrometre they change no verdict; more than 10 µm, a tenth of a pixel and more, mean that the
-# camera was touched. In a field seven times as large, of a robot of 40 mm, a tracker wandered by 27 µm. A drift is
-# described by its size over the root of its correlation time, which determines its growth, so that rate and time are
-# hardly confounded.
+# camera was touched. In a field seven times as large, of a robot of 40 mm, a simulated tracker wandered by 27 µm. A
+# drift is described by its size over the root of its correlation time, which determines its growth, so that rate and
+# time are hardly confounded.
 RATES_MM = (0.0, *np.geomspace(2.5e-4, 1e-2, 9).tolist())
 # The spectrum shows shorter correlation times; a run is too short to distinguish longer ones.
 LASTING_S = (1.0, 4.0, 16.0)
