@@ -19,7 +19,7 @@ from evaluator.diagnosis.design.candidate_runs import CORNERS, HEADINGS_DEG, MID
 from evaluator.diagnosis.design.next_runs import hypothetical
 from evaluator.diagnosis.inference.fitted_model import prior_precision
 from evaluator.diagnosis.likelihood.known_to import FRAMES_COMMON, FRAMES_PER_RUN, Quantity, quantities
-from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER, at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
@@ -30,8 +30,7 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-# Scatter between runs and noise that a plan assumes: usual values of a magnetic robot on steel.
-USUAL_SCATTER = np.array([0.02, 0.005, 0.005, 1.0])
+# Noise that a plan assumes: usual values of a magnetic robot on steel.
 USUAL_NOISE = (Noise(0.001, 0.003, 0.08),) * 4
 # Cycle of runs: straight runs determine the wheels' gains and forces on the body, turns in all directions the rest.
 ROUND = ((1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))  # direction, side
@@ -216,5 +215,6 @@ def _information(
     able = [number for number, item in enumerate(found) if item is not None]
     information = np.zeros((len(runs), len(columns), len(columns)))  # runs that cannot be simulated have no information
     if able:
-        _, _, information[able] = at_scatter(reduce_runs([item for item in found if item is not None]), USUAL_SCATTER)
+        reduced = reduce_runs([item for item in found if item is not None])
+        _, _, information[able] = at_scatter(reduced, np.array(USUAL_SCATTER))
     return information, columns

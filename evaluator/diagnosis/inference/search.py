@@ -12,6 +12,7 @@ import numpy as np
 from evaluator.diagnosis.inference.fit import EXPLAINED, LAGGING, fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.steps_of_a_term import better_step
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import Values
@@ -24,8 +25,6 @@ LARGEST_SET = 3
 # gains of the Husky also differ from the stated ones.
 LARGEST_ON_GROUND = 4
 RIVALS_KEPT = 4  # sets that are fitted again under another noise, or to all runs
-# Friction and gains: typical of wet or dusty plates and DC motors. Start: in its stated standard deviations.
-USUAL_SCATTER = (0.03, 0.006, 0.006, 1.0)
 # Steps of fits, each a linearization of all runs (a quarter of a second for 24 runs of 10 s), after which a search fits
 # no further sets: if no model explains the runs, every fit is long, and further fits do not change the verdict.
 MOST_STEPS = 100

@@ -13,8 +13,9 @@ import numpy as np
 
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
+from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.strategy import run_search
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import within_horizon
 from evaluator.diagnosis.likelihood.problem import Problem

@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.features import (
     compression,
     residual_spectra,
 )
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_shifts, whitening
@@ -161,7 +162,7 @@ def _with_random_shifts(problem: Problem, point: Point) -> Problem:
         shifts = np.concatenate([walk * wander, more]) if walk else more
         random = bool(len(shifts))
         ground = whitening(part.of_tracking(shifts).T) if random else None
-        found.append(replace(part, ground=ground, random_mm=_midpoint_about(shifts, known) if random else 0.0))
+        found.append(replace(part, ground=ground, random_mm=_midpoint_about(part, shifts, known) if random else 0.0))
     return replace(problem, compressions=tuple(found))
 
 
@@ -216,11 +217,17 @@ def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list
     return found
 
 
-def _midpoint_about(shifts: Floats, known: Floats) -> float:
-    """RMS of random shifts (k, n, 4) of the midpoint, mm, after a fit of shifts (m, n, 4) of known form."""
-    random, fitted = (part[:, :, :2].reshape(len(part), -1).T for part in (shifts, known))
-    left = random - fitted @ np.linalg.lstsq(fitted, random, rcond=None)[0]
-    return float(np.sqrt(np.sum(left**2) / shifts.shape[1]))
+def _midpoint_about(part: Compression, shifts: Floats, known: Floats) -> float:
+    """RMS of random shifts (k, n, 4) of the midpoint, mm, after a fit of shifts (4, n, 4): see friction_shifts.
+
+    Weighted by the tracking noise, with the usual scatter of friction, as the gap of a run is found: a robot that
+    hardly turns would otherwise have twice its friction.
+    """
+    prior = np.diag([0.0] * START_POSE + [1 / USUAL_SCATTER[0]])
+    fitted = np.vstack([part.of_tracking(known).T, prior])
+    random = np.vstack([part.of_tracking(shifts).T, np.zeros((len(prior), len(shifts)))])
+    left = shifts - np.tensordot(np.linalg.lstsq(fitted, random, rcond=None)[0].T, known, 1)
+    return float(np.sqrt(np.sum(left[:, :, :2] ** 2) / shifts.shape[1]))
 
 
 def within_horizon(problem: Problem, point: Point, horizon_s: float) -> Problem:

@@ -11,7 +11,8 @@ from evaluator.diagnosis.candidates.coordinates import named_terms
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import fit_model
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search, fit_set
+from evaluator.diagnosis.inference.search import Search, fit_set
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from tests.evaluator.diagnosis.hidden import hidden_session

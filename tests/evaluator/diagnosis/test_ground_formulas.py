@@ -12,7 +12,6 @@ from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.noise.discrepancy import left_over, with_discrepancy
 from evaluator.diagnosis.likelihood.noise.tracking import Noise
 from evaluator.diagnosis.likelihood.point import Column, Point
-from evaluator.diagnosis.likelihood.preparation import _midpoint_about
 from evaluator.diagnosis.likelihood.run_data import RunData
 from simulator.effects.coordinates import Candidate, Coordinate
 
@@ -113,21 +112,6 @@ def test_noise_has_the_size_of_the_usual_left_overs_and_more_in_a_run_that_leave
         assert found[run][3] == noise[run][3]
     quiet = with_discrepancy(noise[:1], [np.array([0.0, 1.0])], np.full((1, 2), 1.0))
     assert [part.drift.size_mm for part in quiet[0]] == [0.0] * 4  # tracking explains it all
-
-
-def test_what_friction_moves_beside_start_and_friction_is_its_rms_over_the_frames() -> None:
-    rng = np.random.default_rng(1)
-    known = rng.normal(size=(4, 50, 4))
-    shifts = np.tensordot(rng.normal(size=(3, 4)), known, axes=1)
-    assert _midpoint_about(shifts, known) == pytest.approx(0.0, abs=1e-9)
-    basis = np.linalg.qr(known[:, :, :2].reshape(4, -1).T)[0]
-    beside = rng.normal(size=(2, 100))
-    beside -= beside @ basis @ basis.T
-    more = np.zeros((2, 50, 4))
-    more[:, :, :2] = beside.reshape(2, 50, 2)
-    more[:, :, 2:] = 1e3  # direction and distance do not count
-    found = _midpoint_about(np.concatenate([shifts, more]), known)
-    assert found == pytest.approx(np.sqrt((beside**2).sum() / 50))
 
 
 def test_first_frames_of_a_run_keep_their_errors() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood import preparation
-from evaluator.diagnosis.likelihood.features import channel_residual, channels_of
+from evaluator.diagnosis.likelihood.features import channel_residual, channels_of, compression
 from evaluator.diagnosis.likelihood.noise.drift_evidence import OF_MARKS, OF_POSES
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
@@ -75,6 +75,27 @@ def test_noise_cannot_be_estimated_at_a_point_from_which_a_run_cannot_be_simulat
     )
     with pytest.raises(FloatingPointError, match="run r02 cannot be simulated"):
         preparation.with_noise_of(problem, Point(np.zeros((2, 7))))
+
+
+@pytest.mark.parametrize(("moved_mm", "left_of_it"), [(1.0, (0.0, 0.01)), (0.002, (0.95, 1.05))])
+def test_varying_friction_is_not_outweighed_by_a_friction_beyond_the_usual(
+    moved_mm: float, left_of_it: tuple[float, float]
+) -> None:
+    """A shift by varying friction that looks like a constant one, of a run that a friction of one moves by moved_mm.
+
+    0.02 mm of it are 2 % of the friction, or ten times that friction.
+    """
+    time_s = np.arange(120) / 60
+    seen = compression(time_s, np.ones(120, dtype=bool), (Noise(0.005, 0.0, 0.1),) * 4)
+    form = np.zeros((120, 4))
+    form[:, 0] = np.sin(3 * time_s)
+    known = np.zeros((4, 120, 4))
+    known[0, :, 0] = known[1, :, 1] = known[2, :, 2] = 1.0
+    known[3] = moved_mm * form
+    about_mean = 0.02 * (form - form.mean(axis=0))
+    left = preparation._midpoint_about(seen, 0.02 * form[None], known)
+    low, high = left_of_it
+    assert low <= left / np.sqrt(np.mean(about_mean[:, 0] ** 2)) <= high
 
 
 @pytest.mark.parametrize("open_ground", [False, True])
@@ -158,9 +179,7 @@ def test_features_are_whitened_for_what_friction_wanders_by_its_rate_and_for_lat
     (found,) = preparation._with_random_shifts(problem, Point(np.zeros((1, 7)))).compressions
     shifts = np.concatenate([walk * wander, more])[0 if walk else 3 :]
     np.testing.assert_allclose(found.ground, shifts.sum(axis=1).T)
-    left = shifts[:, :, :2].reshape(-1, 14).T
-    left = left - (basis := np.linalg.qr(known[:, :, :2].reshape(4, 14).T)[0]) @ basis.T @ left
-    assert found.random_mm == pytest.approx(np.sqrt(np.sum(left**2) / 7))
+    assert found.random_mm == preparation._midpoint_about(part, shifts, known)
 
 
 def replaced(item: Any, **more: Any) -> Any:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.inference import profile_likelihood, short_horizon, strategy
-from evaluator.diagnosis.inference.search import USUAL_SCATTER, Search
+from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.short_horizon import is_implausible
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.progress import no_progress
 

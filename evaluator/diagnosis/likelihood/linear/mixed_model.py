@@ -28,6 +28,8 @@ SCATTER = ("friction", "left_gain", "right_gain", "start")  # per run: relative;
 FRICTION_SCATTER = np.geomspace(5e-4, 0.3, 15)  # from a polished plate to a dirty one
 GAIN_SCATTER = np.geomspace(1e-4, 0.1, 16)  # from quartz-driven steppers to poor DC motors
 START_SCATTER = 1.0  # fixed, because the standard deviation of starts is stated
+# Friction and gains: typical of wet or dusty plates and DC motors. Start: in its stated standard deviations.
+USUAL_SCATTER = (0.03, 0.006, 0.006, START_SCATTER)
 UNLIKELY = 1e-6  # probability below which a grid point is neglected in means and covariances
 RIDGE = 1e-11  # of normal equations with ones on the diagonal, for collinear parameters
 
