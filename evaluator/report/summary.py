@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from evaluator.report.diagnosis.gap import gap_sentence
 from evaluator.report.diagnosis.words import (
     as_sentence,
-    gap_sentence,
     in_words,
     moved_marks_sentence,
     verdict_sentence,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
 from evaluator.report.diagnosis.knowledge import (
     finding_sentences,
     mistake_sentences,
     negligible_sentence,
-    predicted_sentence,
     preferred_sentence,
 )
 from evaluator.report.diagnosis.values import sizes
@@ -18,14 +18,12 @@ from evaluator.report.diagnosis.words import (
     closes,
     equivalents_sentence,
     exact_frictions_sentence,
-    gap_sentence,
     in_words,
     left_out_sentence,
     moved_marks_sentence,
     next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
-    scatter_sentence,
     separations_sentence,
     smoothed_sentence,
     together_sentence,
@@ -58,10 +56,8 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         scatter_sentence(content),
         smoothed_sentence(content),
         preferred_sentence(content),
+        not_followed_sentence(content),
     ]
-    if content.get("runs_not_followed") and closes(content):
-        lost = ", ".join(content["runs_not_followed"])
-        lines.append(f"The chosen model does not follow {lost}. Inspect these recordings first.")
     if content.get("left_out_runs"):
         lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # the command prints skipped runs
     lines += unlike_sentences(content)

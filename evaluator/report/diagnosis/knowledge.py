@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluator.report.diagnosis.values import length, value_text, with_interval
-from evaluator.report.diagnosis.words import as_sentence, closes, effect_words
+from evaluator.report.diagnosis.values import value_text, with_interval
+from evaluator.report.diagnosis.words import as_sentence, effect_words
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 
@@ -46,31 +46,6 @@ def negligible_sentence(content: Json) -> str:
         )
         parts.append(f"{effect_words(item['id'])} (radius {radius} %, speed {speed} %, path {path} of the noise floor)")
     return f"Detected, but below the limits of relevance: {'; '.join(parts)}." if parts else ""
-
-
-def predicted_sentence(content: Json) -> str:
-    """Gap of a simulation from the start pose alone, before and after; empty if unknown."""
-    gap = content.get("gap") or {}
-    predicted, cannot = gap.get("predicted") or {}, gap.get("not_predicted") or {}
-    without = f" Not predicted: {'; '.join(f'{run} ({reason})' for run, reason in cannot.items())}." if cannot else ""
-
-    def change(part: str, where: str) -> str:
-        before, after = (predicted.get(side, {}).get(part) for side in ("before", "after"))
-        if before is None or after is None:
-            return ""
-        if not closes(content) or before == after:
-            return f"{length(before)} on {where}"
-        return f"from {length(before)} to {length(after)} on {where}"
-
-    parts = [text for text in (change("fit", "fitted runs"), change("held_out", "held-out runs")) if text]
-    if not parts:
-        return without and f"No run can be predicted from its start pose alone.{without}"
-    common = (
-        "Values common to all runs (start of motion, clock, scale, level, mark offsets) are those of the fitted runs."
-    )
-    changes = "changes" if parts[0].startswith("from") else "is"
-    how = "Predicted from the start poses alone, with nothing fitted to single runs"
-    return f"{how}, the distance {changes} {' and '.join(parts)}. {common}{without}"
 
 
 def knowledge_section(content: Json) -> Section | None:

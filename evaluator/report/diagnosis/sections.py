@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section, predicted_sentence
+from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
+from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section
 from evaluator.report.diagnosis.limits import limits_section
 from evaluator.report.diagnosis.values import (
     length,
@@ -25,13 +26,11 @@ from evaluator.report.diagnosis.words import (
     effect_words,
     equivalents_sentence,
     exact_frictions_sentence,
-    gap_sentence,
     in_words,
     left_out_sentence,
     next_runs,
     not_tried_sentence,
     rivals_sentence,
-    scatter_sentence,
     separations_sentence,
     smoothed_sentence,
     together_sentence,
@@ -121,8 +120,7 @@ def _gap(content: Json) -> Section | None:
         gain = gap.get("held_out_gain_sigmas")
         tail = f", which the effect predicts better by {gain:.0f} sigmas" if gain else ""
         text.append(f"Held-out runs: {', '.join(held)}{tail}; {HELD_OUT}.")
-    if lost and closes(content):
-        text.append(f"The chosen model does not follow {', '.join(lost)}. Inspect these recordings first.")
+    text.append(not_followed_sentence(content))
     constancy = content.get("constancy") or {}
     rows = tuple(
         (halves, percent_text(p), "no" if p < CHANCE else "yes") for halves, p in constancy.items() if p is not None

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import length, parameters, scatter_text, sizes
+from evaluator.report.diagnosis.values import parameters, sizes
 from evaluator.report.numbers import significant
 from simulator.effects.catalogue import EFFECTS
 
@@ -275,51 +275,6 @@ def effect_words(name: str) -> str:
     """An effect id, or a free-form term in words."""
     term = free_terms().get(name)
     return term.describe() if term is not None else name
-
-
-NOISE_FLOOR, FLOOR_OF_GROUND = "the noise floor is", "the noise floor, with unmodelled effects of the ground, is"
-
-
-def gap_sentence(content: Json) -> str:
-    """Gap before and after, on fitted and held-out runs, beside the noise floor; empty without a gap."""
-    gap = content.get("gap") or {}
-    if not gap.get("before"):
-        return ""
-    same = not content.get("effects") and gap["before"] == gap["after"]
-    again = closes(content) and not same
-
-    def change(part: str, where: str) -> str:
-        before, after = gap["before"].get(part), gap["after"].get(part)
-        if before is None or after is None:
-            return ""
-        return f"{f'from {length(before)} to {length(after)}' if again else length(before)} on {where}"
-
-    parts = " and ".join(filter(None, (change("fit", "fitted runs"), change("held_out", "held-out runs"))))
-    # without an estimate of run-to-run scatter, as on open ground, the noise is the residual of the best model
-    has_scatter = (content.get("noise") or {}).get("run_to_run", True)
-    noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
-    if not again:
-        return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
-    how = "With the effects found" if content.get("effects") else "With nominal values adjusted within their tolerances"
-    return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
-
-
-MISSED = 2.0  # noise floors of predicted distance from which a prediction misses more than noise
-
-
-def scatter_sentence(content: Json) -> str:
-    """What a prediction from the start pose cannot know, where it misses more than noise; empty elsewhere."""
-    gap, scatter = content.get("gap") or {}, (content.get("noise") or {}).get("run_to_run")
-    left = ((gap.get("predicted") or {}).get("after") or {}).get("fit")
-    if content.get("verdict") not in ("none", "effect") or not scatter or left is None:
-        return ""
-    if left <= MISSED * gap["noise_floor"]:
-        return ""
-    friction, speed = (scatter_text(scatter, key) for key in ("friction", "wheel_speed"))
-    return (
-        "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by "
-        f"{friction}, wheel speeds by {speed} (1 sigma)."
-    )
 
 
 def smoothed_sentence(content: Json) -> str:

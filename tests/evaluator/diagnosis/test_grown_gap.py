@@ -11,7 +11,7 @@ from evaluator.diagnosis import review
 from evaluator.diagnosis.assessment import gap as gap_room
 from evaluator.diagnosis.assessment.gap import Gap, grown_gap, not_shrunk, predicted_gaps
 from evaluator.diagnosis.result import Diagnosis
-from evaluator.report.diagnosis.knowledge import predicted_sentence
+from evaluator.report.diagnosis.gap import predicted_sentence
 from simulator.errors import SimulationError
 
 RUNS = 12

@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from evaluator.report.diagnosis import sections
+from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
 from evaluator.report.diagnosis.knowledge import (
     knowledge_section,
     mistakes_section,
     negligible_sentence,
-    predicted_sentence,
 )
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.values import parameter, percent_text, signed_percent, value_text, with_interval
@@ -22,12 +22,10 @@ from evaluator.report.diagnosis.words import (
     closes,
     effect_words,
     equivalents_sentence,
-    gap_sentence,
     left_out_sentence,
     moved_marks_sentence,
     next_runs_sentence,
     rivals_sentence,
-    scatter_sentence,
     separations_sentence,
     smoothed_sentence,
     together_sentence,
@@ -319,8 +317,11 @@ def test_what_a_terminal_shows_has_findings_once_and_runs_not_followed_where_a_m
     assert "Left out of the diagnosis: r7 (alone)." in verdict_lines(
         {**content, "left_out_runs": {"r7": "alone"}, "skipped_runs": {"r8": "dark"}}
     )
-    lost = verdict_lines({**effect, "verdict": "unknown", "effects": [{**EFFECT, "fitted": False}]})
-    assert "follow" not in " ".join(lost)
+    lost = {**effect, "verdict": "unknown", "effects": [{**EFFECT, "fitted": False}]}
+    assert "follow" not in " ".join(verdict_lines(lost))
+    assert not_followed_sentence({**lost, "gap": {"by_run": {f"r{run}": {} for run in range(5)}}}) == ""
+    told = not_followed_sentence({**lost, "gap": {"by_run": {f"r{run}": {} for run in range(6)}}})
+    assert told == "The nearest model follows all runs but r5, r6. Inspect these recordings first."
     first = verdict_lines({**content, "mistakes": [{"sentence": "r1: backward", "runs": ["r1"]}]})
     assert first[0] == "r1: backward."
 
