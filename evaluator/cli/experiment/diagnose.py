@@ -85,8 +85,8 @@ def diagnose(
     returns the stored answer; an interrupted search continues.
 
     Effects of your own (effects/*.toml beside the experiment; turnscope effects new ID writes a template) are tested
-    like those of the catalogue. If the verdict is "unknown", DIR/own_effect.toml holds the free-form term that explains
-    the runs, and DIR/own_effect_2.toml another one, if two are needed. Move them to effects/ to have them tested as
+    like those of the catalogue. If the verdict is "unknown", DIR/own_effect.toml holds the best free-form
+    term, and DIR/own_effect_2.toml another one, if two are needed. Move them to effects/ to have them tested as
     effects.
 
     Several experiments are diagnosed in parallel, each into a subfolder of DIR with its name. Results do not depend on
@@ -199,7 +199,7 @@ def _say(found: DiagnosisResult) -> None:
         click.echo(f"{', '.join(changed)} changed during the search; the answer is for the earlier content")
     for form in Outputs(found.out).own_effects:
         if found.verdict == "unknown" and form.is_file():
-            click.echo(f"{form}  (free-form term that explains the runs; move it to effects/ to use it as an effect)")
+            click.echo(f"{form}  (the best free-form term; move it to effects/ to use it as an effect)")
 
 
 def _left_out(content: dict[str, Any]) -> int:

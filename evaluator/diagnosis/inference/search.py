@@ -101,7 +101,9 @@ class Search:
         found = f"of {len(self.fits)} fitted models the most probable is {what}"
         if excess * EXPLAINED < 1:  # noise is taken from the residuals of a model, here of a wrong one
             return f"{found}, but {left}, which an earlier misfit inflated, so that this decides nothing"
-        return f"{found}, which {'explains' if excess < EXPLAINED else 'does not explain'} the runs: {left}"
+        if excess < EXPLAINED:
+            return f"{found}, which explains the runs ({left}), but is no finding before other models are fitted"
+        return f"{found}, which does not explain the runs: {left}"
 
     def initial(self, most: int) -> list[Fit]:
         """The most probable fits of all sets, best first, as initial values: also fits that have not converged."""

@@ -62,7 +62,7 @@ def test_a_free_form_term_is_offered_and_written_under_the_name_of_its_file(stub
     forms = Outputs(tmp_path).own_effects
     forms[0].write_text('format = 1\nid = "old-one"\nname = "x"\n')
     offered = run("diagnose", "e.toml").stdout
-    assert f"{forms[0]}  (free-form term that explains the runs" in offered
+    assert f"{forms[0]}  (the best free-form term" in offered
     assert str(forms[1]) not in offered
     target = tmp_path / "my-own.toml"
     written = run("diagnose", "e.toml", "--write-effect", str(target))

@@ -45,16 +45,16 @@ def test_a_search_that_explains_the_runs_has_twice_the_time(monkeypatch: pytest.
         watch.look()
 
 
-@pytest.mark.parametrize(("excess", "words"), [(1.1, "explains the runs"), (1.6, "does not explain the runs")])
+@pytest.mark.parametrize(
+    ("excess", "words"), [(1.1, "explains the runs (its"), (1.6, "does not explain the runs: its")]
+)
 def test_what_was_found_is_the_most_probable_model_and_what_it_leaves(excess: float, words: str) -> None:
     def fit(log_evidence: float) -> Any:
         return SimpleNamespace(posterior=SimpleNamespace(log_evidence=log_evidence), excess=excess)
 
     terms: Any = {"plate-tilt": None, "mass-offset": None}
     search = Search(SimpleNamespace(), terms, {}, (0, 1), fits={frozenset(): fit(0.0), TILT: fit(40.0)})  # type: ignore[arg-type]
-    assert search.so_far.startswith(
-        f"of 2 fitted models the most probable is plate-tilt, which {words}: its residuals are"
-    )
+    assert search.so_far.startswith(f"of 2 fitted models the most probable is plate-tilt, which {words} residuals are")
     search.fits[TILT] = fit(-40.0)
     assert "the model without an effect" in search.so_far
 
