@@ -46,7 +46,8 @@ def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> ND
 def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataFrame:
     """Read a marks CSV. Raises InputError for a file that is not one.
 
-    names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required.
+    names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required. Rows
+    with the time and the numbers of the one before are left out; attrs["repeated"] of the table counts them.
     """
     path = Path(path)
     try:
@@ -68,8 +69,18 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
             row = int(np.flatnonzero(bad)[0])
             raise InputError(f"{path}: line {line_of(table, row)}, {name} = {table[name].iloc[row]!r} is not a number")
         table[name] = values.astype(float)
+    if (table["time_s"].diff() == 0).any():  # seldom, and the numbers of hours of frames are many
+        twice = repeats(table[["time_s", *(name for name in table if str(name).endswith(NUMBERS))]].to_numpy(float))
+        table = table[~twice]
+        table.attrs["repeated"] = int(twice.sum())
     check_marks(table, path)
-    return table
+    return table.reset_index(drop=True)
+
+
+def repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Rows (n,) of values (n, k) that equal the one before; missing values are equal."""
+    known = np.nan_to_num(values, nan=np.inf)
+    return np.asarray(np.r_[False, (known[1:] == known[:-1]).all(axis=1)][: len(values)], dtype=np.bool_)
 
 
 def require_marks(table: pd.DataFrame, name: str, marks: Iterable[str]) -> None:

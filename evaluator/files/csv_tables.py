@@ -68,8 +68,8 @@ def _without_empty_end(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def line_of(table: pd.DataFrame, row: int) -> int:
-    """Number of the line of its file that holds a row of a table, counted from 0."""
-    return int(row) + 2 + int(table.attrs.get("lines_before", 0))
+    """Number of the line of its file that holds a row of a table, counted from 0; rows left out keep their lines."""
+    return int(table.index[row]) + 2 + int(table.attrs.get("lines_before", 0))
 
 
 def separator_line(line: str) -> str | None:

@@ -26,7 +26,7 @@ from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_traject
 from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.interchange.pose_units import heading_unit
 from evaluator.mark_geometry import MarkGeometry
-from evaluator.marks import check_marks
+from evaluator.marks import check_marks, repeats
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
 from evaluator.wording import counted
 from simulator.command import SECONDS
@@ -129,8 +129,8 @@ def _read(path: Path, topics: Topics) -> PoseTable:
     zero_s = _zero_s(raw["time_s"].to_numpy(float))
     raw["time_s"] -= zero_s
     # a message that was delivered or recorded twice
-    twice = _repeats(raw[["time_s", "x_mm", "y_mm", "heading_deg"]].to_numpy(float))
-    raw = raw[~twice].reset_index(drop=True)
+    twice = repeats(raw[["time_s", "x_mm", "y_mm", "heading_deg"]].to_numpy(float))
+    raw = raw[~twice]
     check_marks(raw.rename(columns={"x_mm": "center_x_mm", "y_mm": "center_y_mm"}), path)
     kept = ~held(raw[["x_mm", "y_mm", "heading_deg"]].to_numpy(float))
     table = raw[kept].reset_index(drop=True)
@@ -154,22 +154,17 @@ def _zero_s(time_s: Array) -> float:
     return float(np.floor(first[0])) if len(first) and abs(first[0]) > LARGEST_CLOCK_S else 0.0
 
 
-def _repeats(values: Array) -> NDArray[np.bool_]:
-    """Rows (n,) of values (n, k) that equal the one before."""
-    return np.asarray(np.r_[False, (values[1:] == values[:-1]).all(axis=1)], dtype=np.bool_)
-
-
 def held(values: Array) -> NDArray[np.bool_]:
     """Rows (n,) of values (n, k) that repeat the one before, if the file repeats values during motion.
 
     A robot at rest has equal poses, too, if they have no noise: one long group or a few. Repeated values of a sensor
     form many groups.
     """
-    repeats = _repeats(values)
-    starts = np.flatnonzero(~repeats)
+    again = repeats(values) & np.isfinite(values).all(axis=1)
+    starts = np.flatnonzero(~again)
     sizes = np.diff(np.r_[starts, len(values)])
     groups = int((sizes > 1).sum())
-    return repeats if groups >= max(FEWEST_HELD, HELD_SHARE * len(sizes)) else np.zeros(len(values), dtype=np.bool_)
+    return again if groups >= max(FEWEST_HELD, HELD_SHARE * len(sizes)) else np.zeros(len(values), dtype=np.bool_)
 
 
 def _columns(path: Path) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Faults that trackers leave in their files: last places of marks that they lost, and marks that they exchanged."""
+"""Faults that trackers leave in their files: last places of lost marks, exchanged marks, and rows written twice."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from evaluator.marks import columns_of, points_of
 from evaluator.robust import robust_sigma
+from evaluator.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ class Mended:
     """Marks of a table as they were before a tracker lost or exchanged them.
 
     time_s: (n,). places_mm: (n, m, 2) by names, NaN where a mark is missing. exchanged: (n,), lost: (n, m), rows of the
-    table that were wrong.
+    table that were wrong. repeated: rows of its file that it lacks because they were written twice.
     """
 
     names: tuple[str, ...]
@@ -40,11 +41,14 @@ class Mended:
     places_mm: Floats
     exchanged: NDArray[np.bool_]
     lost: NDArray[np.bool_]
+    repeated: int = 0
 
     @property
     def notes(self) -> list[str]:
         """Sentences that count the wrong rows."""
         found, count = [], len(self.time_s)
+        if self.repeated:
+            found.append(f"{counted(self.repeated, 'row')} written twice, with the same time and places, count once")
         if self.exchanged.any():
             first, second = self.names
             rows = f"{self.exchanged.sum()} of {count} rows"
@@ -69,7 +73,7 @@ def mended(table: pd.DataFrame, names: Sequence[str]) -> Mended:
         places[exchanged] = places[exchanged][:, ::-1]
     lost = _lost(places)
     places[lost] = np.nan
-    return Mended(tuple(names), time_s, places, exchanged, lost)
+    return Mended(tuple(names), time_s, places, exchanged, lost, int(table.attrs.get("repeated", 0)))
 
 
 def without_faults(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from evaluator.errors import InputError
+from evaluator.interchange.tracker_faults import mended
 from evaluator.marks import columns_of, read_marks, write_marks
 
 COLUMNS = ("time_s", *columns_of(("green", "yellow")))
@@ -66,6 +67,21 @@ def test_a_time_that_goes_back_is_told_with_its_line_and_the_one_before(tmp_path
         read_marks(path)
 
 
+def test_rows_written_twice_count_once_and_later_lines_keep_their_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    rows = ["0,1,2,lost,", "0,1,2,again,", "1,,,,", "1,,,,", "2,3,4,,"]
+    path.write_text("\n".join(["time_s,green_x_mm,green_y_mm,note,green_x_sigma_mm", *rows]) + "\n", "utf-8")
+    table = read_marks(path)
+    assert table["time_s"].tolist() == [0.0, 1.0, 2.0]
+    assert table.index.tolist() == [0, 1, 2]
+    assert table.attrs["repeated"] == 2
+    assert mended(table, ["green"]).notes == ["2 rows written twice, with the same time and places, count once"]
+    for other in ("2,3,5,,", "2,,4,,", "2,3,4,,0.1"):  # another place at the same time, or another uncertainty
+        path.write_text(path.read_text("utf-8").rstrip("\n") + f"\n{other}\n", "utf-8")
+        with pytest.raises(InputError, match="line 7, time_s = 2 does not come after 2"):
+            read_marks(path)
+
+
 def test_a_place_farther_than_a_thousand_kilometres_is_none_on_a_plate(tmp_path: Path) -> None:
     path = tmp_path / "marks.csv"
     path.write_text("time_s,green_x_mm,green_y_mm\n0,-1e9,\n1,1,1\n", "utf-8")
@@ -86,7 +102,7 @@ def test_a_file_may_be_named_by_its_text(tmp_path: Path) -> None:
     ("times", "said"),
     [
         (["0", "1e13", "2", "2e13"], "line 3, time_s = 1e+13 is not a time in seconds"),
-        (["0", "1", "1", "0.5"], "line 4, "),
+        (["0", "1", "1", "0.5"], "line 5, "),  # the third row is the second, written twice
     ],
 )
 def test_the_first_line_with_an_impossible_time_is_named(tmp_path: Path, times: list[str], said: str) -> None:
