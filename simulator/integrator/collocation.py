@@ -31,10 +31,11 @@ LONGEST_TURN_RAD = 3.0  # within a step; over more, cosine and sine of the headi
 MOST_SWEEPS = 12
 # Over shorter steps the rate of the velocity, a difference between points, is too large for sweeps to converge.
 SHORTEST_COLLOCATION_S = 5e-3
+COST = 6.0  # of a step in short steps, by its evaluations of the forces; one that is not longer than these does not pay
 LEAST_GAIN = 0.5  # least reduction of the residual by a sweep; slower convergence does not pay
 # Change by the first sweep, as a share of the velocity, from which on the velocity is found point by point, and the
-# Newton steps of a point.
-FAR_SHARE, MARCHED = 0.05, 3
+# Newton steps of a point: with new derivatives, and with the last ones.
+FAR_SHARE, NEWTON_STEPS, MORE_STEPS = 0.05, 2, 1
 # As displacements over the tolerance: the residual at which sweeps stop, and the last coefficients of a step that is
 # accepted.
 SWEPT_SHARE, CUT_SHARE = 0.02, 0.5
@@ -98,14 +99,18 @@ def _march(time: float, length: float, model: Any, work: Any) -> None:
         drive = drive_at(work.segment, at, model.lag)
         for row in range(3):
             table[U + row, point] = table[U + row, point - 1]
-        for _ in range(MARCHED):
+        for number in range(NEWTON_STEPS + MORE_STEPS):
             u, v, r = table[U, point], table[U + 1, point], table[U + 2, point]
-            slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, bent)
-            if not invert3(bent[1:4], inverse):
-                return
+            if number < NEWTON_STEPS:
+                slopes(u, v, r, drive, place, model.rest_speed, model, work.contacts, bent)
+                gained = bent[0, 0], bent[0, 1], bent[0, 2]
+                if not invert3(bent[1:4], inverse):
+                    return
+            else:
+                gained = accelerations(u, v, r, drive, place, model.rest_speed, model, work.contacts)
             for row in range(3):
                 for column in range(3):
-                    table[U + row, point] -= inverse[row, column] * bent[0, column]
+                    table[U + row, point] -= inverse[row, column] * gained[column]
 
 
 @compiled()
@@ -201,13 +206,15 @@ def collocate(time: float, length: float, tolerance: float, model: Any, work: An
     work.inverse holds the inverse of the derivative of the accelerations by velocity.
     """
     _guess(time, length, model, work)
-    before, enough, used = math.inf, SWEPT_SHARE * tolerance / length, 0
+    before, enough, used, renew = math.inf, SWEPT_SHARE * tolerance / length, 0, False
     while used < MOST_SWEEPS:
         follow(length, work)
-        change = sweep(time, length, used > 0 and model.wheels_vary_with_velocity == 0, model, work)
+        change = sweep(time, length, renew, model, work)
         used += 1
-        if used == 1 and change > FAR_SHARE * _speed(work) and model.wheels_vary_with_velocity == 0:
+        renew = used == 1 and model.wheels_vary_with_velocity == 0  # after it, the derivatives are close enough
+        if renew and change > FAR_SHARE * _speed(work):
             _march(time, length, model, work)
+            renew = False
             continue
         if not change <= LEAST_GAIN * before or cut_off(length, work.table) > 100.0 * CUT_SHARE * tolerance:
             return False, 0.3 * length
@@ -223,15 +230,17 @@ def collocate(time: float, length: float, tolerance: float, model: Any, work: An
 
 @compiled()
 def long_step(
-    time: float, remaining: float, longest: float, tolerance: float, model: Any, work: Any
+    time: float, remaining: float, longest: float, short: float, tolerance: float, model: Any, work: Any
 ) -> tuple[bool, float, float]:
     """Take the longest possible step; returns whether one was possible, its length (or the last tried), the next one.
 
-    longest: length to begin with. The remaining time is divided into equal steps.
+    longest: length to begin with. short: length of the next short step, 0 if unknown. The remaining time is divided
+    into equal steps.
     """
-    longest = min(longest, remaining, LONGEST_TURN_RAD / (abs(work.y[5]) + 1e-3))
+    least = max(SHORTEST_COLLOCATION_S, COST * short)
+    longest = min(max(longest, least), remaining, LONGEST_TURN_RAD / (abs(work.y[5]) + 1e-3))
     length = longest
-    while longest >= SHORTEST_COLLOCATION_S:
+    while longest >= least:
         length = remaining / math.ceil(remaining / longest - 1e-9)
         accurate, longest = collocate(time, length, tolerance, model, work)
         if accurate:

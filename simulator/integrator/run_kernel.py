@@ -145,13 +145,13 @@ def _through_segment(
     while time < end:
         remaining = end - time
         linearize(time, min(remaining, step) > _unvaried_step(tolerance), model, work)
-        length, wanted, collocated = 0.0, 0.0, False
+        length, wanted, collocated = 0.0, step, False
         if near_manifold(tolerance, closed or is_off(time, model, work), model, work):
             if closed and settle(time, model, work):
                 write_arc(out, times, (row, rows[1]), time, remaining, work)
                 return used
             if not closed and time >= resume:
-                collocated, length, longest = long_step(time, remaining, longest, tolerance, model, work)
+                collocated, length, longest = long_step(time, remaining, longest, step, tolerance, model, work)
                 resume = time if collocated else time + length
         if not collocated:
             asked = _asked_step(time, step, tolerance, model, work)

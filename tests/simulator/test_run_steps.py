@@ -223,19 +223,23 @@ def test_velocities_are_first_taken_in_proportion_to_the_command() -> None:
 
 
 @pytest.mark.parametrize(
-    ("longest", "yaw", "possible", "tried", "taken"),
+    ("longest", "short", "yaw", "possible", "tried", "taken"),
     [
-        (9.0, 0.0, 9.0, [1.0], 1.0),  # all that remains
-        (0.3, 0.0, 9.0, [0.25], 0.25),  # in equal shares
-        (9.0, 5.5, 9.0, [0.5], 0.5),  # half a turn or so
-        (9.0, -11.0, 9.0, [0.25], 0.25),
-        (9.0, 0.0, 0.1, [1.0, 0.25, 1 / 14], 1 / 14),  # three tenths of what failed, at most
-        (9.0, 0.0, 0.0, [1.0, 0.25, 1 / 14, 1 / 47, 1 / 157], 0.0),  # none shorter than 5 ms
+        (9.0, 0.0, 0.0, 9.0, [1.0], 1.0),  # all that remains
+        (0.3, 0.0, 0.0, 9.0, [0.25], 0.25),  # in equal shares
+        (9.0, 0.0, 5.5, 9.0, [0.5], 0.5),  # half a turn or so
+        (9.0, 0.0, -11.0, 9.0, [0.25], 0.25),
+        (9.0, 0.0, 0.0, 0.1, [1.0, 0.25, 1 / 14], 1 / 14),  # three tenths of what failed, at most
+        (9.0, 0.0, 0.0, 0.0, [1.0, 0.25, 1 / 14, 1 / 47, 1 / 157], 0.0),  # none shorter than 5 ms
+        (9.0, 0.01, 0.0, 0.0, [1.0, 0.25, 1 / 14], 0.0),  # or than six short steps, as which it costs
+        (0.1, 0.05, 0.0, 9.0, [0.25], 0.25),  # which may be longer than the last that failed
+        (9.0, 0.2, 0.0, 9.0, [], 0.0),  # short steps reach the end sooner
     ],
 )
 def test_long_steps_share_what_remains(
-    longest: float, yaw: float, possible: float, tried: list[float], taken: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    longest: float, short: float, yaw: float, possible: float, tried: list[float], taken: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     lengths: list[float] = []
 
     def collocate(_time: float, length: float, *_: object) -> tuple[bool, float]:
@@ -245,9 +249,10 @@ def test_long_steps_share_what_remains(
     monkeypatch.setattr(COLLOCATION, "collocate", collocate)
     work = filled()
     work.y[5] = yaw
-    accurate, length, following = COLLOCATION.long_step(0.0, 1.0, longest, 1e-6, VARIED, work)
+    accurate, length, following = COLLOCATION.long_step(0.0, 1.0, longest, short, 1e-6, VARIED, work)
     assert lengths == pytest.approx(tried, rel=1e-3)
-    assert (accurate, length) == ((True, pytest.approx(taken, rel=1e-3)) if taken else (False, lengths[-1]))
+    last = lengths[-1] if lengths else 1.0  # what remains
+    assert (accurate, length) == ((True, pytest.approx(taken, rel=1e-3)) if taken else (False, last))
     assert following == (2 * length if taken else length)
 
 
