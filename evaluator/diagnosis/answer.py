@@ -13,7 +13,7 @@ from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowle
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.sufficiency import too_few
-from evaluator.diagnosis.assessment.verdict import TIE, Verdict, decide, doubts, material_gain
+from evaluator.diagnosis.assessment.verdict import TIE, Verdict, decide, doubts, material_gain, undecided
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
@@ -73,11 +73,20 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if few := _too_few(verdict, reason, search, chosen, session):
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
+    if verdict == "none" and not chosen and (why := _undecided(search, table, session)):
+        verdict, reason = "insufficient", why
     known = knowledge(session.known, search.fits[chosen])
     at_once = together(search.fits[chosen], search.tolerance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
+
+
+def _undecided(search: Search, table: Standing, session: Session) -> str:
+    """Why the runs do not exclude an effect that would matter; empty if they exclude all."""
+    possible, why = undecided(search, table)
+    done = (changes(search.problem, search.fits[possible], effect) for effect in possible)
+    return why if any(item.matter(session.relevant) for item in done) else ""
 
 
 def _nearest(reserve: str, search: Search, table: Standing, chosen: Set, session: Session) -> tuple[Set, str]:

@@ -36,6 +36,9 @@ Verdict = Literal["none", "effect", "unknown", "insufficient"]
 KEEP = (8.0, 8.0, 8.0, 12.0)
 # Log odds, three to one, below which sets as large are not distinguished.
 TIE = math.log(3.0)
+# Log odds, 20 to 1, from which on an effect that is not named is not excluded either. In 70 untidy sessions without an
+# effect the largest were 9 to 1.
+UNDECIDED = math.log(20.0)
 # An effect that explains otherwise significant deviations of known values needs only this much, odds of 400 to 1,
 # because the model is then known to be incomplete.
 RELIEVING = 6.0
@@ -162,6 +165,21 @@ def best_named(search: Search, table: Standing, families: int) -> Set:
     tied = [best, *itertools.takewhile(lambda ids: table.of(best) - table.of(ids) < TIE, named)]
     as_large = [ids for ids in tied if len(ids) == len(best) and (ids == best or pays(search, table, families, ids))]
     return min(as_large, key=lambda ids: sum(search.terms[effect].size for effect in ids))
+
+
+def undecided(search: Search, table: Standing) -> tuple[Set, str]:
+    """The most probable set that could be right but is not proven, and why the runs do not decide; empty without one.
+
+    On open ground odds decide nothing.
+    """
+    could = (ids for ids in table.sets if ids and not any(map(is_free, ids)) and may_be_right(search, ids))
+    best = next(could, frozenset())
+    odds = table.of(best) - table.of(frozenset())
+    if search.problem.open_ground or odds <= UNDECIDED:
+        return frozenset(), ""
+    needed = f"an effect is named from {round(math.exp(KEEP[1]), -3):.0f} to 1 on"
+    said = f"odds of {math.exp(odds):.0f} to 1; {needed}" if odds < KEEP[1] else f"though not each effect: {needed}"
+    return best, f"{' with '.join(sorted(best))} would make these runs more probable, but is not proven ({said})"
 
 
 def decide(

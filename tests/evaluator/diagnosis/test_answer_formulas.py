@@ -40,6 +40,7 @@ def answered(
     beyond: float = 0.6,
     too_little: str = "too little",
     small: str = "",
+    possible: frozenset[str] = NONE,
     asked: dict[str, Any] | None = None,
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
@@ -78,6 +79,7 @@ def answered(
         "constancy": constant,
         "beyond_noise": lambda *_: beyond,
         "doubts": doubts,
+        "undecided": lambda *_: (possible, "odds"),
         "step_for_drift": lambda *_: step,
         "too_few_runs": lambda *_: few,
         "too_few_commands": lambda *_: untested,
@@ -112,6 +114,26 @@ def test_effects_of_which_none_matters_are_no_answer(
     found = answered(monkeypatch, (AB, "effect"), changes=changes)
     assert (found.verdict, found.negligible) == (verdict, negligible)
     assert ("below the limits of relevance" in found.reason) == (verdict == "none")
+
+
+@pytest.mark.parametrize(
+    ("possible", "small", "chosen", "verdict"),
+    [
+        (NONE, {}, NONE, "none"),
+        (A, {}, NONE, "insufficient"),
+        (A, {"a": SMALL}, NONE, "none"),  # it would not matter
+        (A, {}, A, "effect"),
+    ],
+)
+def test_runs_that_neither_prove_nor_exclude_an_effect_that_would_matter_decide_nothing(
+    possible: frozenset[str], small: dict[str, Changes], chosen: frozenset[str], verdict: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    decided = (chosen, "effect" if chosen else "none")
+    found = answered(monkeypatch, decided, possible=possible, changes=small)
+    assert (found.verdict, found.chosen, found.reason) == (
+        verdict, chosen, "odds" if verdict == "insufficient" else "so",
+    )  # fmt: skip
 
 
 def test_an_effect_that_keeps_values_within_tolerances_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,7 +14,7 @@ from evaluator.diagnosis.assessment import verdict
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy
 from evaluator.diagnosis.assessment.model_comparison import score, standing
-from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays
+from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, doubts, pays, undecided
 from evaluator.diagnosis.candidates.free_form import grows_with_time
 from evaluator.diagnosis.inference.search import Search, log_prior
 from evaluator.diagnosis.likelihood.known_to import CLOCK, START
@@ -355,3 +356,20 @@ def test_probabilities_are_shares_of_the_exponentials() -> None:
     assert table.containing("a", table.sets) == pytest.approx(1 - weight[table.sets.index(NONE)] / weight.sum())
     assert table.containing("b", [A, AB]) == pytest.approx(1 / (1 + np.exp(table.of(A) - table.of(AB))))
     assert table.share_of([A], [A, NONE]) == pytest.approx(1 / (1 + np.exp(table.of(NONE) - table.of(A))))
+
+
+@pytest.mark.parametrize(
+    ("odds", "said"),
+    [
+        (math.log(19.9), ""),
+        (math.log(20.1), "odds of 20 to 1; an effect is named from 3000 to 1 on"),
+        (7.99, "odds of 2951 to 1; an effect is named from 3000 to 1 on"),
+        (8.01, "though not each effect: an effect is named from 3000 to 1 on"),
+    ],
+)
+def test_an_effect_of_twenty_to_one_is_not_excluded(odds: float, said: str) -> None:
+    search, table = ranked({NONE: 0.0, A: odds, FREE: 50.0, B: 40.0}, at_bound=[B])
+    expected = f"a would make these runs more probable, but is not proven ({said})"
+    assert undecided(search, table) == ((A, expected) if said else (NONE, ""))
+    assert undecided(*ranked({NONE: 0.0, A: odds}, on_ground=True)) == (NONE, "")
+    assert undecided(*ranked({NONE: 0.0})) == (NONE, "")
