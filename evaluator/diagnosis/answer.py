@@ -70,11 +70,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
     elif reserve:
         verdict, (chosen, reason) = "unknown", _nearest(reserve, search, table, chosen, session)
-    if few := _too_few(verdict, reason, search, chosen, session):
+    if few := _too_few(verdict, reason, search, table, chosen, session):
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
-    if verdict == "none" and not chosen and (why := _undecided(search, table, session)):
-        verdict, reason = "insufficient", why
     known = knowledge(session.known, search.fits[chosen])
     at_once = together(search.fits[chosen], search.tolerance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
@@ -114,8 +112,10 @@ def step_for_drift(search: Search, chosen: Set, session: Session) -> str:
     return next(filter(None, said), "")
 
 
-def _too_few(verdict: Verdict, reason: str, search: Search, ids: Set, session: Session) -> str:
+def _too_few(verdict: Verdict, reason: str, search: Search, table: Standing, ids: Set, session: Session) -> str:
     """Why the runs are insufficient for a verdict and its reason; empty if they suffice."""
+    if verdict == "none":
+        return "" if ids else _undecided(search, table, session)
     if verdict == "unknown" and (few := too_few_runs(search, ids, session)):
         return f"{reason}; {few}"
     return too_few_commands(search, ids, session) if verdict == "effect" else ""
