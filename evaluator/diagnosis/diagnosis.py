@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from evaluator.diagnosis.answer import answer
+from evaluator.diagnosis.answer import Answer, answer
 from evaluator.diagnosis.assessment.model_comparison import is_free, separations
 from evaluator.diagnosis.assessment.sole_run import (
     hiding_run,
@@ -43,6 +43,7 @@ from evaluator.diagnosis.search_runs import (
     seeds_without,
 )
 from evaluator.progress import Progress
+from simulator.effects.coordinates import Candidate
 
 ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
 UNSIMULATED = (
@@ -50,6 +51,7 @@ UNSIMULATED = (
     "least disturbance ends: are both right? Then change the command a little"
 )
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
+MOST_RESTING = 4  # sets, one beside the other, that are found to rest on the same run
 
 
 def diagnose(
@@ -226,7 +228,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     ready = prepared(session, progress, fits)
     free = ready.free
     if ready.problem.open_ground:
-        part, everything = searched_on_ground(ready, progress)
+        part, whole = searched_on_ground(ready, progress)
         unrefined = part
     else:
         part = search_named(ready, progress, seeds)
@@ -235,12 +237,12 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
             return _searched(rest, progress, fits, seeds_without(part, diverging))
         unrefined = part
         part = refined(part, ready.start, progress)
-        everything = fit_on_all_runs(part, ready.terms)
-        challenge_with_free_terms(everything, free, progress)
-    said = answer(everything, session, free)
+        whole = fit_on_all_runs(part, ready.terms)
+        challenge_with_free_terms(whole, free, progress)
+    everything, said = _answered(whole, session, free)
     profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    if profiles and fitted_where_absent(everything, said.chosen, profiles):
-        said = answer(everything, session, free)
+    if profiles and fitted_where_absent(whole, said.chosen, profiles):
+        everything, said = _answered(whole, session, free)
         profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
     progress("where they disagree", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
@@ -273,6 +275,32 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     except SearchStoppedError:  # the verdict stands
         return found
     return again or _in_parts(found, progress)
+
+
+def _answered(search: Search, session: Session, free: Mapping[str, Candidate]) -> tuple[Search, Answer]:
+    """The answer of a search, without effects that rest on one of several similar runs if the others explain all runs.
+
+    A search without that run, which takes as long as the first, would end with the other effects as well. Returns the
+    search without the fits of those effects, too, and of further effects and free-form terms that rest on the same run.
+    """
+    first = said = answer(search, session, free)
+    if said.verdict != "effect" or len(said.chosen) == 1 or search.problem.open_ground:
+        return search, first
+    rest, suspect = search, sole_run(search, said.chosen, len(free))
+    run = None if suspect is None else session.data[suspect.run]
+    if run is None or not has_similar_runs(run, [other for other in session.data if other is not run]):
+        return search, first
+    for _ in range(MOST_RESTING):
+        sole = sole_run(rest, said.chosen, len(free)) if said.chosen else None
+        if sole is None or suspect is None or sole.run != suspect.run:
+            break
+        rest = replace(rest, fits={ids: fit for ids, fit in rest.fits.items() if not ids & sole.effects})
+        said = answer(rest, session, free)
+    if said.verdict != "effect" or not said.chosen < first.chosen:
+        return search, first
+    needs = " and ".join(sorted(first.chosen - said.chosen))
+    why = f"{run.id} alone needs {needs} as well, because it was disturbed or shows it best: repeat it"
+    return rest, replace(said, reason=f"{said.reason}; {why}")
 
 
 def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:

@@ -84,18 +84,20 @@ def log_offset(
     return LogOffset(value, float(value - reach), float(value + reach))
 
 
-def correlations(time_s: Array, pose: Array, sides: Sides, delays_s: Array) -> Array:
+def correlations(time_s: Array, pose: Array, sides: Sides, delays_s: Array) -> tuple[Array, Array]:
     """Correlations (2, k) of speed and yaw rate, about zero, with what a log commands so much earlier; 0 if either is.
 
-    time_s, pose, sides: as of log_offset.
+    time_s, pose, sides: as of log_offset. Returns also the gains (2, k): mm/s per rpm of both sides, rad/s per rpm of
+    their difference.
     """
     half = max(AVERAGED_S, 2 * float(np.median(np.diff(time_s)))) / 2
     times = np.arange(time_s[0] + half, time_s[-1] - half, half)
     measured = _measured(time_s, pose, times, half)
     commanded = np.stack([_commanded(sides, times - delay, half) for delay in delays_s], axis=-1)
     products = np.einsum("cm,cmk->ck", measured, commanded)
-    sizes = np.sqrt((measured**2).sum(axis=1)[:, None] * (commanded**2).sum(axis=1))
-    return np.asarray(products / np.maximum(sizes, 1e-300))
+    squares = (commanded**2).sum(axis=1)
+    sizes = np.sqrt((measured**2).sum(axis=1)[:, None] * squares)
+    return np.asarray(products / np.maximum(sizes, 1e-300)), np.asarray(products / np.maximum(squares, 1e-300))
 
 
 def _is_chance(cost: Array, independent: float, tried: float) -> bool:

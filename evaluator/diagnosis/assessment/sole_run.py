@@ -51,6 +51,7 @@ class SoleRun:
     """A run (index in the session) without which effects would not have been found."""
 
     run: int
+    effects: Set
     gain: float  # log odds of the effects from all runs
     without: float  # and from all but this
 
@@ -73,7 +74,7 @@ def sole_run(search: Search, ids: Set, families: int) -> SoleRun | None:
         for k in np.argsort(_misfits(full) - _misfits(less))[:TRIED]:
             brought = whole - (_evidence(search, full, int(k)) - _evidence(search, less, int(k)))
             if gain - brought < least and brought > KEEP[1]:
-                found.append(SoleRun(full.runs[int(k)], gain, gain - brought))
+                found.append(SoleRun(full.runs[int(k)], ids - rest, gain, gain - brought))
     return min(found, key=lambda item: item.without - item.gain, default=None)
 
 

@@ -34,7 +34,10 @@ def gap_sentence(content: Json) -> str:
     noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
     if not again:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
-    how = "With the effects found" if content.get("effects") else "With nominal values adjusted within their tolerances"
+    effects = content.get("effects") or []
+    named = any(effect.get("id") != "free-form" for effect in effects)
+    found = "the effects found" if named else "the free-form explanation"
+    how = f"With {found if effects else 'nominal values adjusted within their tolerances'}"
     return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
 
 
