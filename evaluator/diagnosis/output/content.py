@@ -232,7 +232,7 @@ class NominalContent(TypedDict):
 class DiagnosisContent(TypedDict):
     """The verdict with its evidence. Keys from `known_together` on exist only if a model was fitted.
 
-    explained_mistakes, own_effects and changed_meanwhile: only if there are any.
+    explained_mistakes, stopped, own_effects and changed_meanwhile: only if there are any.
     """
 
     format: Literal[1]
@@ -250,6 +250,7 @@ class DiagnosisContent(TypedDict):
     left_out_runs: dict[str, str]  # usable runs that were not used, with the reason
     skipped_runs: dict[str, str]  # runs that cannot be used, with the reason
     explained_mistakes: NotRequired[list[MistakeContent]]  # that the effects explain; their runs are left out
+    stopped: NotRequired[bool]  # whether the search reached its limit of time before a decision
     known_together: NotRequired[KnownTogetherContent | None]
     findings: NotRequired[list[str]]  # deviations in known_to beyond three tolerances, in words
     constancy: NotRequired[dict[str, Number]]  # by split of the runs: probability that both halves have equal effects

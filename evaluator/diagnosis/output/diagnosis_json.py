@@ -67,6 +67,8 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
     }
     if diagnosis.session.explained:
         found["explained_mistakes"] = [_mistake(item) for item in diagnosis.session.explained]
+    if diagnosis.stopped:
+        found["stopped"] = True
     if diagnosis.search is None:
         return found
     table = disagreement(diagnosis)

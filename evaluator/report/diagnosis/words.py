@@ -31,7 +31,9 @@ def verdict_sentence(content: Json) -> str:
     missing = "proven missing" if _possible(content) else "missing"
     return {
         "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances{but}.",
-        "insufficient": "These runs cannot decide whether an effect is missing, or which.",
+        "insufficient": "The search ended before a decision."
+        if content.get("stopped")
+        else "These runs cannot decide whether an effect is missing, or which.",
     }.get(str(content.get("verdict")), "")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference import watch as watch_module
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
+from evaluator.diagnosis.output.diagnosis_json import record
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
@@ -72,6 +74,8 @@ def test_an_effect_that_rests_on_one_run_is_no_verdict_where_the_search_without_
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     found = diagnose(session, no_progress)
     assert (found.verdict, found.stopped, found.search) == ("insufficient", True, None)
+    assert record(found).get("stopped") is True
+    assert "stopped" not in record(replace(found, stopped=False))
     assert "the finding with r3, effect (plate-tilt), rests on this run alone" in found.reason
 
 

@@ -297,6 +297,7 @@ def test_further_runs_are_said_with_how_often_and_what_they_separate() -> None:
             False, "does either; the largest disagreement: speed is −1 mm/s off.",
         ),
         ({"verdict": "insufficient"}, True, "These runs cannot decide whether an effect is missing, or which."),
+        ({"verdict": "insufficient", "stopped": True}, True, "The search ended before a decision."),
         ({"verdict": "odd"}, True, ""),
     ],
 )  # fmt: skip

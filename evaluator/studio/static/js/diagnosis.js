@@ -49,7 +49,7 @@ function screen(found, id, signal, { load, own, undo }) {
   }).catch(say);
   return h("div", { class: "stack", style: { gap: "1.4rem" } },
     h("div", { class: "row end" },
-      h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, VERDICTS[content.verdict] ?? content.verdict)),
+      h("div", {}, h("p", { class: "kind" }, "Diagnosis"), h("h1", {}, content.stopped ? "The search ended before a decision" : VERDICTS[content.verdict] ?? content.verdict)),
       h("div", { class: "row" }, again, undo.undo, undo.redo)),
     notice,
     mistakes(content, id, load, undo),
