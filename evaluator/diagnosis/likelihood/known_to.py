@@ -93,7 +93,7 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
             _shared(key, f"centre of gravity along {axis}", "mm", gravity)
             for key, axis in zip(GRAVITY, "xy", strict=True)
         ),
-        *(_shared(key, f"{mark} mark along {axis} of the robot", "mm", place) for key, mark, axis in _mark_keys(robot)),
+        *(_shared(key, f"{point} along {axis} of the robot", "mm", place) for key, point, axis in _points(robot, data)),
     ]
     radius = robot.driving_radius_mm
     radius_sigma = RADIUS_SHARE * radius if geometry.wheel_radius_mm is None else geometry.wheel_radius_mm
@@ -159,6 +159,15 @@ def mark_shifts(robot: Robot, found: Mapping[str, float]) -> tuple[float, ...]:
 def mark_keys(robot: Robot) -> tuple[str, ...]:
     """Keys of the positions of a robot's reference pair, x, y of the first, then of the second; empty for one mark."""
     return tuple(key for key, _, _ in _mark_keys(robot))
+
+
+def _points(robot: Robot, data: Sequence[RunData]) -> list[tuple[str, str, str]]:
+    """Key, point and axis of the positions of the reference pair: marks, or points that stand for the poses."""
+    keys, poses = _mark_keys(robot), bool(data) and all(run.from_poses for run in data)
+    names = [
+        f"tracked point {number // 2 + 1} of 2" if poses else f"{mark} mark" for number, (_, mark, _) in enumerate(keys)
+    ]
+    return [(key, name, axis) for (key, _, axis), name in zip(keys, names, strict=True)]
 
 
 def _mark_keys(robot: Robot) -> list[tuple[str, str, str]]:

@@ -234,3 +234,14 @@ def test_steps_of_derivatives_are_those_of_their_kind() -> None:
 def test_marks_lie_off_by_what_was_found_and_exact_ones_by_nothing() -> None:
     robot = load_robot("barrel")
     assert mark_shifts(robot, {"yellow_x_mm": 0.25, "wheels.radius_mm": 1.0}) == (0.0, 0.0, 0.25, 0.0)
+
+
+def test_points_that_stand_for_poses_are_not_called_marks() -> None:
+    run = frames_of(0.02)
+    names = [item.name for item in quantities(KnownTo(), load_robot("barrel"), [run])]
+    assert "green mark along x of the robot" in names
+    of_poses = [replace(run, from_poses=True)]
+    names = [item.name for item in quantities(KnownTo(), load_robot("barrel"), of_poses) if "tracked" in item.name]
+    assert names == [f"tracked point {point} of 2 along {axis} of the robot" for point in (1, 2) for axis in "xy"]
+    mixed = quantities(KnownTo(), load_robot("barrel"), [run, *of_poses])
+    assert not any("tracked" in item.name for item in mixed)
