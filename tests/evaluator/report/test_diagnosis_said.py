@@ -108,6 +108,18 @@ def test_what_is_predicted_from_start_poses_is_said_with_the_runs_that_are_not()
     assert predicted() == ""
 
 
+@pytest.mark.parametrize(
+    ("verdict", "after", "said"), [("none", 0.211, True), ("none", 0.209, False), ("effect", 0.211, False)]
+)
+def test_adjusted_values_that_predict_held_out_runs_worse_are_no_finding(
+    verdict: str, after: float, *, said: bool
+) -> None:
+    """By more than the noise floor of 10 µm."""
+    parts = {"before": {"fit": 0.2, "held_out": 0.2}, "after": {"fit": 0.1, "held_out": after}}
+    found = predicted(verdict, predicted=parts, noise_floor=0.01)
+    assert found.endswith("are no finding: held-out runs are predicted worse with them.") == said
+
+
 def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> None:
     """ "Nothing is missing" stood beside 65 µm predicted at a noise floor of 6 µm, and no word of the cause."""
     gap = {"noise_floor": 0.006, "predicted": {"after": {"fit": 0.0121}}}
