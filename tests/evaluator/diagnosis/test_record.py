@@ -34,7 +34,9 @@ def diagnosis(**more: Any) -> Any:
         mistakes=(mistake,), skipped={"r7": "dark"}, left_out={"r8": "alone"}, explained=(), own=(), one_frame=True,
         commands_recur=True, known=("known",), data=[run_data(20.0, 30.0, k) for k in (1, 2)],
     )  # fmt: skip
-    return SimpleNamespace(**{"verdict": "none", "reason": "so", "session": session, "search": None, **more})
+    return SimpleNamespace(
+        **{"verdict": "none", "reason": "so", "session": session, "search": None, "stopped": False, **more}
+    )
 
 
 def test_without_a_fit_there_are_the_mistakes_and_empty_lists() -> None:
