@@ -19,7 +19,9 @@ def verdict_sentence(content: Json) -> str:
     """The verdict with the size of what was found, in one sentence."""
     effects = content.get("effects") or []
     if content.get("verdict") == "effect":
-        found = "; and ".join(f"{effect['name']} ({effect['id']}){_sizes(effect)}" for effect in effects)
+        found = "; and ".join(
+            f"{effect['name']} ({effect['id']}){_sizes(effect)}{_equally(effect)}" for effect in effects
+        )
         return f"Missing in the model: {found}."
     if content.get("verdict") == "unknown":
         return f"The model lacks something that no known effect explains{_description(content)}."
@@ -89,13 +91,41 @@ def _sizes(effect: Json) -> str:
     return ", " + ", ".join(parts) if parts else ""
 
 
-def equivalents_sentence(effect: Json) -> str:
-    """Effects that these runs cannot distinguish from this one; empty without any."""
+# Measurements beside recorded runs that distinguish an effect from its equivalents.
+MEASUREMENTS = {
+    "camera-tilt": "calibrate the camera again",
+    "drive-speed-mismatch": "measure the left and the right wheel",
+    "drive-speed-scale": "count the turns of a wheel in a minute",
+    "mark-offset": "measure the places of the marks on the robot",
+    "mass-offset": "balance the robot on an edge",
+    "plane-scale": "film a known length on the plate",
+    "plate-tilt": "put a level on the plate",
+    "tether-pull": "drive with the wires held loose",
+    "tether-spring": "drive with the wires held loose",
+    "time-base": "film a clock",
+}
+LEADS = 2 / 3  # probability of an effect below which its equivalents stand beside it in the verdict
+
+
+def _equivalents(effect: Json) -> list[str]:
     others = effect.get("equivalent") or []
-    if not others:
+    return [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
+
+
+def _equally(effect: Json) -> str:
+    """The equivalents of an effect that is no more probable than they are, for the verdict; empty of any other."""
+    same = _equivalents(effect)
+    return f", or equally: {', or '.join(same)}" if same and (effect.get("probability") or 1.0) < LEADS else ""
+
+
+def equivalents_sentence(effect: Json) -> str:
+    """Effects that these runs cannot distinguish from this one, and what would; empty without any."""
+    same = _equivalents(effect)
+    if not same:
         return ""
-    named = [f"{EFFECTS[other].name} ({other})" if other in EFFECTS else other for other in others]
-    return f"These runs cannot distinguish {effect['id']} from: {', or '.join(named)}."
+    asked = [MEASUREMENTS[one] for one in (effect["id"], *effect["equivalent"]) if one in MEASUREMENTS]
+    would = f" To distinguish them: {', or '.join(dict.fromkeys(asked))}." if asked else ""
+    return f"These runs cannot distinguish {effect['id']} from: {', or '.join(same)}.{would}"
 
 
 def moved_marks_sentence(content: Json) -> str:

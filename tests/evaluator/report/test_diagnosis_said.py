@@ -18,6 +18,7 @@ from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.values import parameter, percent_text, signed_percent, value_text, with_interval
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
+    MEASUREMENTS,
     as_sentence,
     closes,
     effect_words,
@@ -118,6 +119,32 @@ def test_adjusted_values_that_predict_held_out_runs_worse_are_no_finding(
     parts = {"before": {"fit": 0.2, "held_out": 0.2}, "after": {"fit": 0.1, "held_out": after}}
     found = predicted(verdict, predicted=parts, noise_floor=0.01)
     assert found.endswith("are no finding: held-out runs are predicted worse with them.") == said
+
+
+@pytest.mark.parametrize(
+    ("probability", "equivalent", "said"),
+    [
+        (0.5, ["drive-speed-scale"], True),
+        (0.7, ["drive-speed-scale"], False),
+        (0.5, [], False),
+        (None, ["drive-speed-scale"], False),
+    ],
+)
+def test_an_effect_that_is_a_toss_of_a_coin_stands_beside_its_equivalent(
+    probability: float | None, equivalent: list[str], *, said: bool
+) -> None:
+    effect = {
+        "id": "time-base", "name": "seconds are off by a factor", "probability": probability, "equivalent": equivalent,
+        "parameters": {},
+    }  # fmt: skip
+    told = verdict_sentence({"verdict": "effect", "effects": [effect]})
+    both = "or equally: both driving wheels are faster or slower than commanded (drive-speed-scale)."
+    assert told.endswith(both) == said
+    if equivalent:
+        would = "To distinguish them: film a clock, or count the turns of a wheel in a minute."
+        assert equivalents_sentence(effect).endswith(would)
+    assert "To distinguish" not in equivalents_sentence({"id": "dead-band", "equivalent": ["own"]})
+    assert set(MEASUREMENTS) <= set(EFFECTS)
 
 
 def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> None:
