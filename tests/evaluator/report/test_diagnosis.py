@@ -73,8 +73,10 @@ def test_a_diagnosis_of_another_program_is_shown_with_verdict_size_equivalents_a
     verdict, gap = diagnosis_sections(DiagnosisView(CONTRACT, None, outdated=False))
     assert verdict.text == (
         "Missing in the model: the plate is not level (plate-tilt), angle 1.81° [95 %: 1.72 to 1.90].",
-        "These runs cannot distinguish plate-tilt from: a wire pulls toward a fixed anchor (tether-spring). To "
-        "distinguish them: put a level on the plate, or drive with the wires held loose.",
+        (
+            "These runs cannot distinguish plate-tilt from: a wire pulls toward a fixed anchor (tether-spring). To "
+            "distinguish them: put a level on the plate, or drive with the wires held loose."
+        ),
     )
     assert "from 410 µm to 6 µm on fitted runs and from 440 µm to 7 µm on held-out runs" in gap.text[0]
 
