@@ -132,14 +132,14 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
     fit = _fit_from(search, Point(origin.point.per_run, origin.point.nominal, values), smooth, fixed, rival=rival)
     lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
-    if fit is None or not (fit.converged or lags):
+    if fit is None or not ((fit.converged and fit.shortfall < LAGGING) or lags):
         # from implausible friction and gains, which conceal a misfit, no step may improve
         begin = replace(origin.point.without_scatter(), nominal={}, terms=values)
         usual = _fit_from(search, begin, smooth, fixed, USUAL_SCATTER, rival)
         if usual is not None and usual.converged and not usual.overreaches:
             again = _fit_from(search, usual.point, smooth, fixed, rival=rival)
             usual = again if again is not None and again.converged else usual
-        fit = usual or fit
+        fit = _better(fit, usual)
     if fit is None or not fit.converged:
         if ids not in search.fits:
             search.failed[ids] = fit
@@ -152,6 +152,13 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     if search.problem.horizon_s == np.inf:
         search.problem.watch.so_far, search.problem.watch.explained = search.so_far, search.explained > -np.inf
     return search.fits[ids]
+
+
+def _better(fit: Fit | None, usual: Fit | None) -> Fit | None:
+    """The second of two fits, unless only the first has converged, or both have and the first is more probable."""
+    if fit is None or usual is None or not fit.converged:
+        return usual or fit
+    return usual if usual.converged and usual.posterior.log_evidence > fit.posterior.log_evidence else fit
 
 
 def _at_better_steps(search: Search, fit: Fit, smooth: Sequence[Candidate], rival: float) -> Fit:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.inference import search as search_module
 from evaluator.diagnosis.inference import strategy
 from evaluator.diagnosis.inference.fit_cache import question_of
 from evaluator.diagnosis.inference.screening import Screen, _wants_whole_change
@@ -91,9 +92,9 @@ def searching(**more: Any) -> Search:
     return Search(runs, {"a": LINE, "b": LINE}, {}, (0, 1), **more)
 
 
-def of(evidence: float, *, excess: float = 1.0, converged: bool = True) -> Any:
+def of(evidence: float, *, excess: float = 1.0, converged: bool = True, shortfall: float = 0.0) -> Any:
     found = SimpleNamespace(posterior=SimpleNamespace(log_evidence=evidence), excess=excess, converged=converged)
-    found.steps, found.overreaches, found.terms = 3, False, NONE
+    found.steps, found.overreaches, found.terms, found.shortfall = 3, False, NONE, shortfall
     found.point = Point(np.ones((2, 7)), {"key": 1.0})
     found.counting = lambda parameters: of(evidence - parameters) if parameters else found
     return found
@@ -366,3 +367,28 @@ def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:
     watch("fit", 3, 4)
     watch.look()
     assert told == [("fit", 0.75)] * 2
+
+
+@pytest.mark.parametrize(
+    ("first", "usual", "kept"),
+    [
+        (of(5.0, shortfall=61.0), of(9.0), 9.0),
+        (of(5.0, shortfall=61.0), of(4.0), 5.0),
+        (of(5.0, shortfall=61.0), of(9.0, converged=False), 5.0),
+        (of(5.0, shortfall=61.0), None, 5.0),
+        (of(5.0, shortfall=59.0), of(9.0), 5.0),  # near enough: not tried again
+        (of(5.0, converged=False), of(4.0), 4.0),
+    ],
+)
+def test_a_fit_far_from_what_it_promises_is_tried_again_from_the_usual_scatter(
+    first: Any, usual: Any, kept: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fit_from(_: Any, __: Any, ___: Any, ____: Any, most_scatter: Any = None, rival: float = -np.inf) -> Any:
+        assert rival == -np.inf
+        return usual if most_scatter or tried else tried.append(1) or first
+
+    tried: list[int] = []
+    monkeypatch.setattr(search_module, "_fit_from", fit_from)
+    found = fit_set(searching(fits={NONE: of(0.0)}), A, {}, of(0.0))
+    assert found is not None
+    assert found.posterior.log_evidence == kept
