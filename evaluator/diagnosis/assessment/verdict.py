@@ -36,8 +36,8 @@ Verdict = Literal["none", "effect", "unknown", "insufficient"]
 KEEP = (8.0, 8.0, 8.0, 12.0)
 # Log odds, three to one, below which sets as large are not distinguished.
 TIE = math.log(3.0)
-# Log odds, 20 to 1, from which on an effect that is not named is not excluded either. In 70 untidy sessions without an
-# effect the largest were 9 to 1.
+# Log odds, 20 to 1, from which on an effect that is not named is not excluded either. In sixty sessions without an
+# effect, of four banks, the largest were 9 to 1.
 UNDECIDED = math.log(20.0)
 # An effect that explains otherwise significant deviations of known values needs only this much, odds of 400 to 1,
 # because the model is then known to be incomplete.
