@@ -24,8 +24,9 @@ from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, Adequacy
 from evaluator.diagnosis.assessment.gap import farthest_followed, run_gaps
 from evaluator.diagnosis.assessment.knowledge import DETERMINED
 from evaluator.diagnosis.assessment.model_comparison import Set, evidence_of_runs, is_free, score
-from evaluator.diagnosis.assessment.verdict import EXCESS, KEEP, NOT_CHANCE, least_gain
+from evaluator.diagnosis.assessment.verdict import KEEP, NOT_CHANCE, least_gain
 from evaluator.diagnosis.inference.bounds import bounds
+from evaluator.diagnosis.inference.fit import EXCESS
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs

@@ -21,6 +21,7 @@ from evaluator.diagnosis.assessment.cross_validation import (
 from evaluator.diagnosis.assessment.knowledge import ALIKE, far, strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.candidates.free_form import grows_with_time
+from evaluator.diagnosis.inference.fit import EXCESS
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 from evaluator.diagnosis.likelihood.known_to import START
 from evaluator.wording import counted
@@ -50,10 +51,7 @@ RELIEVING = 6.0
 # follows friction that changes with time: in three untidy sessions of the twelfth world it gained −0.3 to 1.1 standard
 # errors. A term of place or velocity need not: what acts at one place may act in a single run.
 DOUBT, ALIKE_WELL = 2 / 3, 1 / 3
-# Excess of the residuals over noise: mean square, and standard errors. The noise of slow modes is extrapolated from
-# fast ones to some ten per cent; a larger excess is motion.
-EXCESS = 1.12
-EXCESS_SIGMA = 5.0
+EXCESS_SIGMA = 5.0  # standard errors by which the residuals must exceed noise, beside fit.EXCESS
 # A free-form term is the answer if it predicts left-out commands better by this log density, and by so many of its
 # standard errors. In the development bank free-form terms gained at most 1.5 over right answers, and eight or more over
 # wrong ones. One of a hundred families may gain as much by chance: therefore it must also gain what any effect needs

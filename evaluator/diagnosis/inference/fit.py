@@ -47,6 +47,9 @@ STALLED = 5.0
 # Mean square of whitened residuals below which a model explains the runs: the noise of slow modes is extrapolated from
 # fast ones to some ten per cent, while the residuals of a wrong model are several times as large.
 EXPLAINED = 1.5
+# Excess of the mean square over noise, whose slow modes are extrapolated from fast ones to some ten per cent; a larger
+# one is motion.
+EXCESS = 1.12
 # A predicted decrease is not attainable if it exceeds this share of the one before and requires implausible friction
 # or gains of a run. In four experiments without any adequate model, 164 of 169 fits that stalled required such values,
 # and one of 63 that converged.
@@ -240,11 +243,12 @@ def _stalled(fit: Fit, predicted: float) -> Fit:
     Such a model is as good as its point, not as good as its linearization predicts: the rest counts against it. Without
     this, friction with a grain of 0.16 ended as not converged for a predicted decrease of 5.3, while its residuals were
     noise and those of all other models a hundred times as large; and so did a stray magnet that one run of 22 passes
-    at 0.4 mm, of which a linearization promises more than any step brings.
+    at 0.4 mm, of which a linearization promises more than any step brings. If as much is promised as separates sets
+    that matter, the residuals must be noise.
     """
     if predicted < STALLED:
         return replace(fit, converged=True)
-    if fit.excess < EXPLAINED:
+    if fit.excess < (EXPLAINED if predicted < LAGGING else EXCESS):
         return _with_shortfall(replace(fit, converged=True), predicted)
     return fit
 
