@@ -244,11 +244,12 @@ def _stalled(fit: Fit, predicted: float) -> Fit:
     this, friction with a grain of 0.16 ended as not converged for a predicted decrease of 5.3, while its residuals were
     noise and those of all other models a hundred times as large; and so did a stray magnet that one run of 22 passes
     at 0.4 mm, of which a linearization promises more than any step brings. If as much is promised as separates sets
-    that matter, the residuals must be noise.
+    that matter, the residuals must be noise, with friction and gains that runs may have.
     """
     if predicted < STALLED:
         return replace(fit, converged=True)
-    if fit.excess < (EXPLAINED if predicted < LAGGING else EXCESS):
+    explains = fit.excess < EXPLAINED if predicted < LAGGING else fit.excess < EXCESS and not fit.overreaches
+    if explains:
         return _with_shortfall(replace(fit, converged=True), predicted)
     return fit
 

@@ -291,7 +291,10 @@ def test_a_model_that_explains_the_runs_counts_with_what_it_has_reached(monkeypa
     assert (explains.converged, explains.shortfall, explains.posterior.log_evidence) == (True, 59.0, -29.5)
     assert not walked(monkeypatch, [59.0], better=False, excess=1.6).converged
     assert not walked(monkeypatch, [61.0], better=False, excess=1.13).converged
-    assert walked(monkeypatch, [900.0], better=False, excess=1.11).shortfall == 900.0  # its residuals are noise
+    for implausible, shortfall in ((False, 900.0), (True, 0.0)):  # residuals are noise; with friction that no run has
+        monkeypatch.setattr(Fit, "overreaches", property(lambda _, implausible=implausible: implausible))
+        ended = walked(monkeypatch, [900.0], better=False, excess=1.11)
+        assert (ended.converged, ended.shortfall) == (not implausible, shortfall)
     assert walked(monkeypatch, [9.0], excess=1.4).shortfall == 9.0  # after the last step, too
     assert walked(monkeypatch, [4.0], better=False, excess=1.4).shortfall == 0.0
 
