@@ -286,16 +286,17 @@ def _answered(search: Search, session: Session, free: Mapping[str, Candidate]) -
     first = said = answer(search, session, free)
     if said.verdict != "effect" or len(said.chosen) == 1 or search.problem.open_ground:
         return search, first
-    rest, suspect = search, sole_run(search, said.chosen, len(free))
-    run = None if suspect is None else session.data[suspect.run]
+    rest, sole = search, sole_run(search, said.chosen, len(free))
+    suspect = None if sole is None else sole.run
+    run = None if suspect is None else session.data[suspect]
     if run is None or not has_similar_runs(run, [other for other in session.data if other is not run]):
         return search, first
     for _ in range(MOST_RESTING):
-        sole = sole_run(rest, said.chosen, len(free)) if said.chosen else None
-        if sole is None or suspect is None or sole.run != suspect.run:
+        if sole is None or sole.run != suspect:
             break
         rest = replace(rest, fits={ids: fit for ids, fit in rest.fits.items() if not ids & sole.effects})
         said = answer(rest, session, free)
+        sole = sole_run(rest, said.chosen, len(free)) if said.chosen else None
     if said.verdict != "effect" or not said.chosen < first.chosen:
         return search, first
     needs = " and ".join(sorted(first.chosen - said.chosen))
