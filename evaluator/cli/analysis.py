@@ -18,6 +18,7 @@ from evaluator.turning import only_mark
 if TYPE_CHECKING:
     import pandas as pd
 
+    from evaluator.report.numbers import LengthUnit
     from evaluator.workflow import Analysis
 
 MOST_NAMED = 6  # runs that are named in a note common to many
@@ -64,9 +65,9 @@ def named_runs(runs: Sequence[str]) -> str:
     return ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
 
 
-def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]]) -> list[str]:
+def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]], unit: LengthUnit) -> list[str]:
     """A line for every reason why rows of turning.csv have a dash in place of a radius."""
-    statuses = {name_of(row): (str(row["radius_status"]),) for row in rows if radius(row)[0] == DASH}
+    statuses = {name_of(row): (str(row["radius_status"]),) for row in rows if radius(row, unit)[0] == DASH}
     return [f"{DASH} in {named_runs(runs)}: {status}" for status, runs in runs_by_note(statuses).items()]
 
 
@@ -134,7 +135,15 @@ def named_after(mark: str, column: str) -> str:
     return f"{mark}_{column}" if mark else column
 
 
-def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
+def length_unit(found: Analysis) -> LengthUnit:
+    """The unit of lengths for the robot of the experiment."""
+    from evaluator.report.numbers import unit_for
+    from simulator.robot import load_robot
+
+    return unit_for(load_robot(found.experiment.robot).body.length_mm)
+
+
+def radius(row: Mapping[Hashable, Any], unit: LengthUnit) -> tuple[str, str]:
     """Radius of a row of turning.csv and its interval; a word if it has none. A single mark is named."""
     mark = only_mark(row)
     value, low, high, turned, status = (
@@ -142,7 +151,8 @@ def radius(row: Mapping[Hashable, Any]) -> tuple[str, str]:
         for name in ("radius_mm", "radius_low_mm", "radius_high_mm", "turned_deg", "radius_status")
     )
     if math.isfinite(value) and abs(turned) > 1:
-        return f"{value:.3f} ({mark})" if mark else f"{value:.3f}", f"{low:.3f} to {high:.3f}"
+        shown = f"{value / unit.mm:.3f}"
+        return f"{shown} ({mark})" if mark else shown, f"{low / unit.mm:.3f} to {high / unit.mm:.3f}"
     little = math.isfinite(value) or str(status).startswith("turns too little")
     if str(status).startswith("straight") or (little and row["left_rpm"] == row["right_rpm"]):
         return "straight", ""

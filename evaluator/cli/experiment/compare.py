@@ -10,6 +10,7 @@ import click
 from evaluator.cli.analysis import (
     STATUS_NOTE,
     TOO_LITTLE,
+    length_unit,
     name_of,
     named_after,
     print_json,
@@ -51,16 +52,17 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
     from evaluator.report.numbers import UNKNOWN, command_text, number
 
     assert found.comparison is not None
-    rows = []
+    unit, rows = length_unit(found), []
     for row, measured in zip(found.comparison.to_dict("records"), found.turning.to_dict("records"), strict=True):
         if row["run"] in found.faults:
             continue
         command = command_text(row["left_rpm"], row["right_rpm"])
         simulated = row[f"simulated_{named_after(only_mark(measured), 'radius_mm')}"]
-        seen = radius(measured)
+        seen = radius(measured, unit)
         nothing = "straight" if math.isfinite(row["left_rpm"]) and seen[0] != TOO_LITTLE else UNKNOWN
-        known = f"{simulated:.3f}" if math.isfinite(simulated) else nothing
-        cells = [name_of(row, found.excluded_runs), command, *seen, known, f"{row['gap_rms_mm']:.3f}"]
+        known = f"{simulated / unit.mm:.3f}" if math.isfinite(simulated) else nothing
+        cells = [name_of(row, found.excluded_runs), command, *seen, known, f"{row['gap_rms_mm'] / unit.mm:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm", "95 %", "simulated, mm", "path gap, mm"]
+    lengths = f"radius, {unit.name}", "95 %", f"simulated, {unit.name}", f"path gap, {unit.name}"
+    head = ["run", "rpm left / right", *lengths]
     return text_table([*head, "heading gap, deg"] if verbose else head, rows)

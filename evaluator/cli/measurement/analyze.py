@@ -8,6 +8,7 @@ import click
 
 from evaluator.cli.analysis import (
     STATUS_NOTE,
+    length_unit,
     name_of,
     named_after,
     print_json,
@@ -53,16 +54,17 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
     from evaluator.cli.tables import text_table
     from evaluator.report.numbers import command_text, number, true_minus
 
-    rows, measured = [], [row for row in found.turning.to_dict("records") if row["run"] not in found.faults]
+    unit, rows = length_unit(found), []
+    measured = [row for row in found.turning.to_dict("records") if row["run"] not in found.faults]
     for row in measured:
         cells = [
             name_of(row, found.excluded_runs),
             command_text(row["left_rpm"], row["right_rpm"]),
-            *radius(row),
-            number(row[named_after(only_mark(row), "speed_mm_s")], 3),
+            *radius(row, unit),
+            number(row[named_after(only_mark(row), "speed_mm_s")] / unit.mm, 3),
         ]
         rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
-    head = ["run", "rpm left / right", "radius, mm", "95 %", "speed, mm/s"]
+    head = ["run", "rpm left / right", f"radius, {unit.name}", "95 %", f"speed, {unit.name}/s"]
     if verbose:
         return text_table([*head, "remark"], rows)
-    return "\n".join([text_table(head, rows), *reasons_of_dashes(measured)])
+    return "\n".join([text_table(head, rows), *reasons_of_dashes(measured, unit)])

@@ -14,6 +14,7 @@ import pytest
 from evaluator.cli.analysis import name_of, radius, runs_by_note
 from evaluator.cli.experiment.compare import comparison_text
 from evaluator.cli.measurement.analyze import turning_text
+from evaluator.report.numbers import MILLIMETRES
 from evaluator.workflow.results.outputs import Outputs
 from tests.evaluator.cli.called import run
 
@@ -39,7 +40,7 @@ COMPARED = [
 def found() -> Any:
     """An analysis of two runs; a third one failed."""
     return SimpleNamespace(
-        excluded_runs=frozenset(),
+        excluded_runs=frozenset(), experiment=SimpleNamespace(robot="barrel"),
         turning=pd.DataFrame(ROWS), comparison=pd.DataFrame(COMPARED), faults={"lost": "no marks"},
         notes={"a": ("dark",), "b": ("dark",)}, changed=(), outputs=Outputs(Path("out")),
     )  # fmt: skip
@@ -130,6 +131,17 @@ def test_more_is_printed_of_every_run_where_asked_for(asked: list[dict[str, Any]
     assert len(asked) == 1
 
 
+def test_lengths_of_a_large_robot_are_in_metres(found: Any) -> None:
+    found.experiment.robot = str(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
+    head, turn, *_ = turning_text(found, verbose=False).splitlines()
+    assert ("radius, m " in head, "speed, m/s" in head) == (True, True)
+    assert turn.split()[4:] == ["0.006", "0.006", "to", "0.006", "0.001"]
+    head, turn, straight, *_ = comparison_text(found, verbose=False).splitlines()
+    assert ("radius, m " in head, "simulated, m " in head, head.endswith("path gap, m")) == (True, True, True)
+    assert turn.split()[-2:] == ["0.006", "0.000"]
+    assert straight.endswith("0.001")  # 0.5 mm, rounded up
+
+
 @pytest.mark.parametrize("command", ["analyze", "compare", "report", "export"])
 def test_a_dry_run_lists_what_would_be_computed(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Any] = []
@@ -172,7 +184,7 @@ def test_a_radius_is_a_number_where_the_eye_sees_a_turn(
 ) -> None:
     row = {"radius_mm": radius_mm, "radius_low_mm": 4.0, "radius_high_mm": 6.0}
     row |= {"left_rpm": 30.0, "right_rpm": right_rpm}
-    assert radius({**row, "turned_deg": turned_deg, "radius_status": status}) == said
+    assert radius({**row, "turned_deg": turned_deg, "radius_status": status}, MILLIMETRES) == said
 
 
 def test_a_run_without_a_command_and_a_phase_have_their_signs_in_the_table(found: Any) -> None:
