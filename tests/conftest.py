@@ -49,6 +49,14 @@ def pytest_configure() -> None:
 
 
 @pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker of pytest -n auto more than cores: tests that wait for a browser or a process leave a core idle."""
+    from evaluator.workflow.execution.machine import available_cores
+
+    return available_cores() + 1
+
+
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
     """Keep the tests of a file in one worker: what they share is made once, not once in every worker."""
     if config.getoption("dist") != "load":  # chosen on the command line
