@@ -97,16 +97,15 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         run, others = found.session.data[suspect], found.session.data[:suspect] + found.session.data[suspect + 1 :]
         only = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
         alone = only and not hides
-        rests = f"the evidence rests on {run.id} alone, and no other run has a similar command: repeat that run"
-        again = (
-            None
-            if alone and found.verdict == "effect"
-            else _without(found, suspect, watch, fits, hides=hides, only=only)
-        )
+        rests = f"rests on {run.id} alone, and no other run has a similar command: repeat that run"
+        stands = alone and found.verdict == "effect" and not _is_denied_elsewhere(found)
+        again = None if stands else _without(found, suspect, watch, fits, hides=hides, only=only)
         if again is None:
-            return replace(found, reason=f"{found.reason}; {rests}") if alone else found
+            return replace(found, reason=f"{found.reason}; the evidence {rests}") if alone else found
         if alone and again.verdict == "none":
-            return replace(again, verdict="insufficient", reason=f"the model is contradicted, but {rests}")
+            named = f" for {', '.join(sorted(found.chosen))}" if found.verdict == "effect" else ""
+            reason = f"the model is contradicted, but the evidence{named} {rests}"
+            return replace(again, verdict="insufficient", reason=reason)
         if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
             rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
             return replace(found, reason=f"{found.reason}; {', '.join(sorted(again.chosen))} {rests}")
@@ -131,7 +130,7 @@ def _without(
     data, robots = found.session.data, found.session.robots
     rest = found.session.of_runs([number for number in range(len(data)) if number != suspect])
     assert found.search is not None
-    forms = sum(map(is_free, found.terms or {}))
+    forms = _free_forms(found)
     if shortcomings(rest.data) or (not hides and is_needed_without(found.search, found.chosen, suspect, forms)):
         return None
     again = _diagnosed(rest, watch, fits)
@@ -153,7 +152,7 @@ def _without(
         left, right = found.leftover.random_effects[found.fit.runs.index(suspect), 1:3]
         gains = float(left), float(right)
     odd = outlying_run(data[suspect], rest.data, varied_robot(robots[suspect], nominal), gains)
-    if only and hides:
+    if only and (hides or again.verdict == "effect"):
         odd = replace(odd, sentence=f"{odd.sentence}; {ONLY_THERE}")
     return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
 
@@ -178,7 +177,7 @@ def _sole_run_of(found: Diagnosis) -> int | None:
         return None
     if found.search.problem.open_ground:
         return None
-    sole = sole_run(found.search, found.chosen, sum(map(is_free, found.terms)))
+    sole = sole_run(found.search, found.chosen, _free_forms(found))
     if sole is not None:
         return sole.run
     if len(found.outlying) == 1:
@@ -187,6 +186,21 @@ def _sole_run_of(found: Diagnosis) -> int | None:
         return None
     misfit = sole_misfit(found.leftover, found.fit.runs)
     return _sole_gains_of(found) if misfit is None else misfit
+
+
+def _free_forms(found: Diagnosis) -> int:
+    """Number of free-form terms that a diagnosis tried."""
+    return sum(map(is_free, found.terms or {}))
+
+
+def _is_denied_elsewhere(found: Diagnosis) -> bool:
+    """Whether the runs except the single one on which effects depend make these less probable than their absence.
+
+    Then no other run shows a trace of them: a law that fits one disturbed run by chance, or acts there alone.
+    """
+    assert found.search is not None
+    sole = sole_run(found.search, found.chosen, _free_forms(found))
+    return sole is not None and sole.without <= 0.0
 
 
 def _sole_gains_of(found: Diagnosis) -> int | None:

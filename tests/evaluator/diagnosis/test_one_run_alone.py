@@ -34,12 +34,17 @@ def finding(verdict: Any, reason: str = "so", runs: int = 12, **said: Any) -> Di
 
 
 def around(
-    monkeypatch: pytest.MonkeyPatch, *, similar: bool = True, followed: bool = False, suspect: int | None = ODD
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    similar: bool = True,
+    followed: bool = False,
+    suspect: int | None = ODD,
+    without: float = 2.0,
 ) -> None:
-    """One run is suspected, with similar ones or not, and followed by the others or not."""
+    """One run is suspected, with similar ones or not, and followed by the others or not, whose log odds are given."""
     fit = SimpleNamespace(point=SimpleNamespace(nominal={}, per_run=None), runs=tuple(range(12)))
     monkeypatch.setattr(Diagnosis, "fit", fit)
-    sole = None if suspect is None else SimpleNamespace(run=suspect)
+    sole = None if suspect is None else SimpleNamespace(run=suspect, without=without)
     monkeypatch.setattr(module, "sole_run", lambda *_: sole)
     monkeypatch.setattr(module, "has_similar_runs", lambda *_: similar)
     monkeypatch.setattr(module, "turns_like_others", lambda *_: True)
@@ -51,10 +56,16 @@ def around(
 
 
 def diagnosed(
-    monkeypatch: pytest.MonkeyPatch, whole: Diagnosis, rest: Diagnosis, *, similar: bool, followed: bool = False
+    monkeypatch: pytest.MonkeyPatch,
+    whole: Diagnosis,
+    rest: Diagnosis,
+    *,
+    similar: bool,
+    followed: bool = False,
+    without: float = 2.0,
 ) -> Diagnosis:
     """The diagnosis of 12 runs, one of which is suspected, where the others say rest, which follows it or not."""
-    around(monkeypatch, similar=similar, followed=followed)
+    around(monkeypatch, similar=similar, followed=followed, without=without)
     monkeypatch.setattr(
         module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
     )
@@ -81,6 +92,31 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
     assert found.verdict == said
     assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not similar)
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
+
+
+@pytest.mark.parametrize("followed", [False, True])
+def test_a_law_that_one_run_alone_needs_and_the_others_deny_is_no_finding(
+    monkeypatch: pytest.MonkeyPatch, *, followed: bool
+) -> None:
+    """A stray magnet of 81 log odds from one slow pivot was named, against which the other 15 runs spoke with 9."""
+    whole = finding("effect", chosen=TILT)
+    found = diagnosed(monkeypatch, whole, NOTHING, similar=False, followed=followed, without=0.0)
+    rests = "rests on r3 alone, and no other run has a similar command: repeat that run"
+    said = f"the model is contradicted, but the evidence for plate-tilt {rests}"
+    assert (found.verdict, found.reason, found.chosen) == ("insufficient", said, frozenset())
+    stands = diagnosed(monkeypatch, whole, NOTHING, similar=False, without=1e-9)
+    assert (stands.verdict, stands.reason) == ("effect", f"so; the evidence {rests}")
+
+
+def test_what_the_others_show_beside_such_a_law_is_found_and_the_run_is_to_be_repeated(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = finding("effect", chosen=TILT | {"stray-magnet"})
+    rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
+    found = diagnosed(monkeypatch, whole, rest, similar=False, without=-9.0)
+    assert (found.verdict, found.chosen) == ("effect", TILT)
+    (odd,) = found.session.mistakes
+    assert odd.sentence.endswith(f"r3 alone; {ONLY}")
 
 
 def test_a_run_that_no_fit_follows_is_excluded_though_the_others_show_the_effect_too(
