@@ -162,7 +162,9 @@ class Compression:
     functional: tuple[Floats, ...]  # per channel (frames used, k): slow modes by least squares, whitened
     # of all features, for varying friction and late changes of commands, which affect several channels
     ground: Whitening | None = None
-    random_mm: float = 0.0  # RMS effect of these on the midpoint, after the best start pose and friction of the run
+    random_mm: float = (
+        0.0  # RMS effect of these on the midpoint, after the best start pose and random effects of the run
+    )
 
     def features(self, residual_mm: Floats) -> Floats:
         """Whitened features of residual channels at the used frames, (n, 4) or (m, n, 4): (k,) or (m, k)."""

@@ -191,39 +191,41 @@ def late_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[Flo
 def friction_shifts(problem: Problem, point: Point, runs: Sequence[int]) -> list[tuple[Floats, Floats]]:
     """Shifts of the channels of each run at the used frames, mm: by fitted quantities, and by varying friction.
 
-    The first, (4, n, 4): start x, y, heading and constant friction, each changed by one unit. The second: see
+    The first, (7, n, 4): start x, y, heading and the random effects, each changed by one unit. The second: see
     wander_shifts. Zeros for a run that cannot be simulated at the point.
     """
-    step, half = float(problem.per_run_steps[FRICTION]), problem.half_distance_mm
+    steps, half = problem.per_run_steps, problem.half_distance_mm
+    friction = float(steps[FRICTION])
     found = []
     for run in runs:
         robot, used = problem.forward.robots[run], problem.compressions[run].used
         wheels = wheel_friction(len(robot.wheel_positions_mm()))
-        tasks = [point.task(run), point.task(run, step * np.eye(PER_RUN)[FRICTION])]
-        tasks += [replace(point, terms={**point.terms, wheel.id: (step,)}).task(run) for wheel in wheels]
+        tasks = [point.task(run, step) for step in (None, *np.diag(steps)[START_POSE:])]
+        tasks += [replace(point, terms={**point.terms, wheel.id: (friction,)}).task(run) for wheel in wheels]
         base, *changed = problem.forward.marks(tasks)
         if np.isnan(base).all():
-            found.append((np.zeros((START_POSE + 1, used.sum(), 4)), np.zeros((MODES, used.sum(), 4))))
+            found.append((np.zeros((PER_RUN, used.sum(), 4)), np.zeros((MODES, used.sum(), 4))))
             continue
         channels = channels_of(base)
-        throughout, *by_wheel = (channel_residual(channels_of(part), channels, half) / step for part in changed)
-        known = np.zeros((START_POSE + 1, *channels.shape))
+        moved = [channel_residual(channels_of(part), channels, half) for part in changed]
+        random, by_wheel = moved[: PER_RUN - START_POSE], moved[PER_RUN - START_POSE :]
+        known = np.zeros((PER_RUN, *channels.shape))
         known[0, :, 0] = known[1, :, 1] = 1.0
         known[2, :, :3] = np.column_stack([-channels[:, 1], channels[:, 0], np.full(len(channels), half)])
-        known[3] = throughout
+        known[START_POSE:] = [part / step for part, step in zip(random, steps[START_POSE:], strict=True)]
         wheels_mm = wheel_paths(robot, base)
-        wander = wander_shifts(channels, [np.nan_to_num(part) for part in by_wheel], wheels_mm, half)
+        wander = wander_shifts(channels, [np.nan_to_num(part / friction) for part in by_wheel], wheels_mm, half)
         found.append((np.nan_to_num(known[:, used]), np.nan_to_num(wander[:, used])))
     return found
 
 
 def _midpoint_about(part: Compression, shifts: Floats, known: Floats) -> float:
-    """RMS of random shifts (k, n, 4) of the midpoint, mm, after a fit of shifts (4, n, 4): see friction_shifts.
+    """RMS of random shifts (k, n, 4) of the midpoint, mm, after a fit of shifts (7, n, 4): see friction_shifts.
 
-    Weighted by the tracking noise, with the usual scatter of friction, as the gap of a run is found: a robot that
-    hardly turns would otherwise have twice its friction.
+    Weighted by the tracking noise, with the usual scatter of the random effects, as the gap of a run is found: a robot
+    that hardly turns would otherwise have twice its friction.
     """
-    prior = np.diag([0.0] * START_POSE + [1 / USUAL_SCATTER[0]])
+    prior = np.diag([0.0] * START_POSE + [1 / scatter for scatter in USUAL_SCATTER])
     fitted = np.vstack([part.of_tracking(known).T, prior])
     random = np.vstack([part.of_tracking(shifts).T, np.zeros((len(prior), len(shifts)))])
     left = shifts - np.tensordot(np.linalg.lstsq(fitted, random, rcond=None)[0].T, known, 1)

@@ -31,15 +31,17 @@ def marks_at(x: float, y: float, heading: float) -> np.ndarray:
 
 
 def test_shifts_by_a_start_are_those_of_a_path_that_is_moved_and_turned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A friction of one moves the marks by 0.3 mm along x, by its difference quotient."""
+    """A friction of one moves the marks by 0.3 mm along x, a start one second later by −0.7 mm along y."""
     used = np.arange(9) != 4
 
     def marks(tasks: list[Task]) -> list[np.ndarray]:
-        return [marks_at(0, 0, 0) + 0.3 * task.per_run[3] * np.array([1, 0, 1, 0]) for task in tasks]
+        along_x, along_y = np.array([1, 0, 1, 0]), np.array([0, 1, 0, 1])
+        moved = [0.3 * task.per_run[3] * along_x - 0.7 * task.per_run[6] * along_y for task in tasks]
+        return [marks_at(0, 0, 0) + part for part in moved]
 
     robot: Any = SimpleNamespace(wheel_positions_mm=lambda: np.zeros((4, 2)))
     problem: Any = SimpleNamespace(
-        per_run_steps=np.full(7, 1e-3), half_distance_mm=HALF_MM, compressions=[SimpleNamespace(used=used)],
+        per_run_steps=1e-3 * np.arange(1, 8), half_distance_mm=HALF_MM, compressions=[SimpleNamespace(used=used)],
         forward=SimpleNamespace(robots=[robot], marks=marks),
     )  # fmt: skip
     monkeypatch.setattr(preparation, "wheel_friction", lambda count: () if count == 4 else None)
@@ -51,6 +53,8 @@ def test_shifts_by_a_start_are_those_of_a_path_that_is_moved_and_turned(monkeypa
         moved = channel_residual(channels_of(marks_at(*step)), base, HALF_MM) / 1e-6
         np.testing.assert_allclose(known[number], moved[used], atol=1e-4)
     np.testing.assert_allclose(known[3], np.tile([0.3, 0, 0, 0], (8, 1)), atol=1e-9)
+    np.testing.assert_allclose(known[4:6], 0, atol=1e-9)
+    np.testing.assert_allclose(known[6], np.tile([0, -0.7, 0, 0], (8, 1)), atol=1e-9)
     assert wander.shape == (MODES, 8, 4)
 
 
@@ -63,7 +67,7 @@ def test_a_run_that_cannot_be_simulated_is_shifted_by_nothing() -> None:
         forward=forward,
     )  # fmt: skip
     ((known, wander),) = friction_shifts(problem, Point(np.zeros((1, 7))), [0])
-    assert (known.shape, wander.shape) == ((4, 8, 4), (MODES, 8, 4))
+    assert (known.shape, wander.shape) == ((7, 8, 4), (MODES, 8, 4))
     assert not known.any()
     assert not wander.any()
 
@@ -77,11 +81,12 @@ def test_noise_cannot_be_estimated_at_a_point_from_which_a_run_cannot_be_simulat
         preparation.with_noise_of(problem, Point(np.zeros((2, 7))))
 
 
+@pytest.mark.parametrize(("effect", "unit"), [(3, 1.0), (4, 0.2), (5, 0.2)])  # friction and gains, with their scatter
 @pytest.mark.parametrize(("moved_mm", "left_of_it"), [(1.0, (0.0, 0.01)), (0.002, (0.95, 1.05))])
-def test_varying_friction_is_not_outweighed_by_a_friction_beyond_the_usual(
-    moved_mm: float, left_of_it: tuple[float, float]
+def test_varying_friction_is_not_outweighed_by_a_random_effect_beyond_the_usual(
+    moved_mm: float, left_of_it: tuple[float, float], effect: int, unit: float
 ) -> None:
-    """A shift by varying friction that looks like a constant one, of a run that a friction of one moves by moved_mm.
+    """A shift by varying friction that looks like a random effect, of a run that one unit of it moves by moved_mm.
 
     0.02 mm of it are 2 % of the friction, or ten times that friction.
     """
@@ -89,9 +94,9 @@ def test_varying_friction_is_not_outweighed_by_a_friction_beyond_the_usual(
     seen = compression(time_s, np.ones(120, dtype=bool), (Noise(0.005, 0.0, 0.1),) * 4)
     form = np.zeros((120, 4))
     form[:, 0] = np.sin(3 * time_s)
-    known = np.zeros((4, 120, 4))
+    known = np.zeros((7, 120, 4))
     known[0, :, 0] = known[1, :, 1] = known[2, :, 2] = 1.0
-    known[3] = moved_mm * form
+    known[effect] = moved_mm * form / unit
     about_mean = 0.02 * (form - form.mean(axis=0))
     left = preparation._midpoint_about(seen, 0.02 * form[None], known)
     low, high = left_of_it
@@ -169,7 +174,7 @@ def test_features_are_whitened_for_what_friction_wanders_by_its_rate_and_for_lat
     walk: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng = np.random.default_rng(5)
-    wander, more, known = rng.normal(size=(3, 7, 4)), rng.normal(size=(2, 7, 4)), rng.normal(size=(4, 7, 4))
+    wander, more, known = rng.normal(size=(3, 7, 4)), rng.normal(size=(2, 7, 4)), rng.normal(size=(7, 7, 4))
     part: Any = SimpleNamespace(of_tracking=lambda shifts: shifts.sum(axis=1), ground=None, random_mm=0.0)
     problem: Any = SimpleNamespace(data=[None], compressions=[part], friction_wander=walk, change_sigma_s=0.1)
     monkeypatch.setattr(preparation, "replace", replaced)
