@@ -150,6 +150,11 @@ def test_noise_is_settled_twice_at_most_and_the_search_goes_on_from_its_four_bes
         assert (part.problem in given) == bool(rounds)
     assert ran[0] == ("one", "nominal", ["a", "b", "c", "e"])
     assert ran[1][2][0] == "anew"
+    pairs = {"": 0.0, "a": 40.0, "b": 30.0, "ac": 50.0, "ae": 49.0, "be": 48.0, "ce": 47.0}
+    ran.clear()
+    worlds[:] = ["one"]
+    search_runs._with_settled_noise(searching(pairs), "nominal", no_progress)  # type: ignore[arg-type]
+    assert ran[0][2] == ["a", "b", "ac", "ae", "be", "ce"]  # single effects, which the additions displaced
 
 
 @pytest.mark.parametrize(
