@@ -89,6 +89,9 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
         # a free-form term that does not predict held-out runs does not describe the missing physics
         tried = f"with {' and '.join(sorted(found.chosen))}, the nearest description, {reason}"
         return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {tried}"), nominal)
+    if found.verdict == "unknown" and found.chosen and not found.follows:
+        lost = f"{len(found.outlying)} of the {len(found.session.data)} runs"
+        return replace(found, reason=f"even the most probable model does not follow {lost} within noise")
     if found.verdict in ("unknown", "insufficient"):
         return found
     if not found.follows:

@@ -170,6 +170,10 @@ def test_a_model_that_follows_no_run_is_unknown_and_effects_that_do_not_matter_l
 ) -> None:
     found = doubted(monkeypatch, answered("effect", TILT, follows=False))
     assert (found.verdict, found.reason.split(" ")[0]) == ("unknown", "neither")
+    free = answered("unknown", FREE, follows=False, outlying=(0, 2), runs=(None,) * 3)
+    found = doubted(monkeypatch, free)
+    told = "even the most probable model does not follow 2 of the 3 runs within noise"
+    assert (found.verdict, found.reason) == ("unknown", told)  # not that a free-form term explains them
     small = answered("none", TILT, negligible=TILT)
     assert doubted(monkeypatch, small, missed="yaw").verdict == "none"
 
