@@ -268,13 +268,15 @@ def _run_to_run(diagnosis: Diagnosis) -> RunToRunContent:
     fit, search = diagnosis.fit, diagnosis.search
     assert search is not None
     model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
-    friction, gain = model.scatter_interval(range(len(fit.columns)))
-    tau = fit.posterior.scatter
+    tau = fit.posterior.scatter[:2]
+    low, high = model.scatter_interval(range(len(fit.columns))).T
+    # the interval knows no bounds of effects: where one ends at a bound, the scatter takes up what it cannot
+    low, high = np.minimum(low, tau), np.maximum(high, tau)
     return {
         "friction": rounded(float(tau[0])),
-        "friction_95": [rounded(float(end)) for end in friction],
+        "friction_95": [rounded(float(low[0])), rounded(float(high[0]))],
         "wheel_speed": rounded(float(tau[1])),
-        "wheel_speed_95": [rounded(float(end)) for end in gain],
+        "wheel_speed_95": [rounded(float(low[1])), rounded(float(high[1]))],
     }
 
 

@@ -78,7 +78,9 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     problem = SimpleNamespace(noise=parts, common_drift=drift, data=RUNS, friction_wander=0.01, open_ground=False)
     problem.smoothed = True
     reduced = reduce_runs(linear_runs(8, 1))
-    fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([0.02, 0.003, 0.003, 1.0])), reduced=reduced)
+    ends = MixedModel(reduced, np.zeros(1)).scatter_interval([0])
+    friction, gain = np.sqrt(ends.prod(axis=1))
+    fit = SimpleNamespace(posterior=SimpleNamespace(scatter=np.array([friction, gain, gain, 1.0])), reduced=reduced)
     fit.columns = (column("a"),)
     found: Any = SimpleNamespace(problem=problem, fit=fit, search=SimpleNamespace(tolerance={}))
     said = diagnosis_json._noise(found)
@@ -88,9 +90,12 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     assert said["correlation_s"] == 0.25
     assert said["smoothed"]
     between = said["run_to_run"]
-    assert (between["friction"], between["wheel_speed"]) == (0.02, 0.003)
-    ends = MixedModel(reduced, np.zeros(1)).scatter_interval([0])
+    assert (between["friction"], between["wheel_speed"]) == pytest.approx((friction, gain), rel=1e-5)
     assert [between["friction_95"], between["wheel_speed_95"]] == [pytest.approx(end, rel=1e-5) for end in ends]
+    fit.posterior.scatter = np.array([0.5, 1e-5, 1e-5, 1.0])  # beside an effect at a bound, which the interval ignores
+    between = diagnosis_json._noise(found)["run_to_run"]
+    assert between["friction_95"] == pytest.approx([ends[0, 0], 0.5], rel=1e-5)
+    assert between["wheel_speed_95"] == pytest.approx([1e-5, ends[1, 1]], rel=1e-5)
     problem.open_ground = True
     assert diagnosis_json._noise(found)["run_to_run"] is None
 
