@@ -31,8 +31,8 @@ STANDS_OUT = 10.0
 # Fits at which runs are suspected: where none converges, a run is on its other path at some of them, but not at all.
 TRIED = 3
 DIVERGING = (
-    "its motion diverges: a change of friction far below its tolerance leads to another path, so that the run shows "
-    "nothing about the model"
+    "its motion diverges: a change of friction, or of another value of the model, far below what is known of it leads "
+    "to another path, so that the run shows nothing about the model"
 )
 
 
