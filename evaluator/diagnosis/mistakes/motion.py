@@ -92,12 +92,15 @@ class Onset:
 
     time_s: where the line through the way of the faster mark between two times, span_s, is 0.
     softly_s: earlier time at which it began if the speed rises evenly in the whole span; None if a line fits the way.
+    rests_until_s: later time until which the robot rests because it sets out faster than it goes on; None if the marks
+    follow the line from its beginning on.
     """
 
     time_s: float
     sigma_s: float
     span_s: tuple[float, float]
     softly_s: float | None = None
+    rests_until_s: float | None = None
 
 
 def onset(run: RunData) -> Onset | None:
@@ -178,7 +181,29 @@ def _onset(run: RunData) -> Onset | None:
     onset_s, span_s = time[first] + begins, (float(time[first]), float(time[part][-1]))
     softly = _of_a_soft_start(way, since, scatter)
     softly_s = None if softly is None else float(time[first]) + softly
-    return Onset(onset_s, sigma, span_s, softly_s) if onset_s > max(time[0] + REST_S, time[rest - 1]) else None
+    begun = Onset(onset_s, sigma, span_s, softly_s, _rests_until(time, off, part, slope, onset_s, scatter))
+    return begun if onset_s > max(time[0] + REST_S, time[rest - 1]) else None
+
+
+def _rests_until(
+    time: Floats, off: Floats, moving: slice, slope: float, onset_s: float, scatter_mm: float
+) -> float | None:
+    """Time until which the marks rest although the line of their way has begun; None if they do not rest significantly.
+
+    time (n,); off (n, 4): marks from their places at rest. moving: the frames of the line, slope its speed, mm/s. The
+    most probable end of rest, by the ratio of the likelihoods of rest and of the line.
+    """
+    way = off[moving][:FEWEST_AROUND]
+    faster = (
+        slice(2, 4) if np.hypot(*np.median(way[:, 2:], axis=0)) > np.hypot(*np.median(way[:, :2], axis=0)) else slice(2)
+    )
+    ahead = np.median(way[:, faster], axis=0)
+    between = slice(int(np.searchsorted(time, onset_s)), moving.start)
+    seen, line = off[between, faster] @ (ahead / np.hypot(*ahead)), slope * (time[between] - onset_s)
+    rests = np.cumsum(line * (line / 2 - seen))
+    if not len(rests) or rests.max() <= (SOFT_SIGMAS * scatter_mm) ** 2 / 2:
+        return None
+    return float(time[between][int(np.argmax(rests))])
 
 
 def _of_a_soft_start(way: Floats, since: Floats, scatter_mm: float) -> float | None:

@@ -116,3 +116,25 @@ def test_a_start_at_once_is_not_taken_for_a_soft_one(noise_mm: float) -> None:
     begins = onset(recorded(marks, TIME, noise_mm=noise_mm))
     assert begins is not None
     assert begins.softly_s is None
+    assert begins.rests_until_s is None
+
+
+def brisk(number: int, begins_s: float) -> RunData:
+    """A run that sets out at 2.5 mm/s and goes on at 0.6 mm/s after 0.08 s, as a slow pivot whose wheels first slip."""
+    since = np.maximum(TIME - begins_s, 0.0)
+    way = np.minimum(2.5 * since, 0.6 * (since - 0.08) + 0.2)
+    run = recorded(moving(way * (since > 0), 1.0, 0.0), TIME, noise_mm=0.01)
+    return replace(run, id=f"brisk{number}", start_s=START_S)
+
+
+def test_a_robot_that_sets_out_faster_than_it_goes_on_has_not_started_early() -> None:
+    """The line through its first 0.4 s begins 0.2 s before it moves."""
+    others = [constant(k, START_S) for k in range(4)]
+    begins = onset(brisk(0, START_S))
+    assert begins is not None
+    assert begins.time_s < START_S - 0.15
+    assert begins.rests_until_s == pytest.approx(START_S, abs=0.04)
+    assert late_starts([brisk(0, START_S), *others], [ROBOT] * 5) == []
+    (found,) = late_starts([brisk(0, START_S - 0.2), *others], [ROBOT] * 5)
+    assert found.correction is not None
+    assert found.correction.later_s == pytest.approx(-0.2, abs=0.04)

@@ -40,11 +40,16 @@ class _Begun:
         return cls(run, begins, begins.time_s - expected_s, motors_on(run, begins) - run.start_s)
 
     def later_than(self, usual_s: float) -> float:
-        """By how much the run starts later than a usual delay, s: not late if it moves softly from its start on."""
-        later_s, softly_s = self.later_s - usual_s, self.onset.softly_s
-        if softly_s is None or later_s <= 0:
-            return later_s
-        return min(later_s, max(softly_s - self.run.start_s, 0.0))
+        """By how much the run starts later than a usual delay, s.
+
+        Not late if it moves softly from its start on, and not early if it rests until its start.
+        """
+        later_s, softly_s, rests_s = self.later_s - usual_s, self.onset.softly_s, self.onset.rests_until_s
+        if later_s > 0 and softly_s is not None:
+            return min(later_s, max(softly_s - self.run.start_s, 0.0))
+        if later_s < 0 and rests_s is not None:
+            return max(later_s, min(rests_s - self.run.start_s, 0.0))
+        return later_s
 
     @property
     def rpm(self) -> float:
