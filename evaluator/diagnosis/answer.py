@@ -63,7 +63,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     reserve = ""
     if verdict != "unknown":
         material = beyond_noise(search.problem, search.fits[chosen]) > session.relevant.path_noise_floors
-        reserve = doubts(left, constant, material=material) or step_for_drift(search, chosen, session)
+        reserve = doubts(left, constant, material=material, named=verdict == "effect")
+        reserve = reserve or step_for_drift(search, chosen, session)
         if not reserve and not material and (small := doubts(left, ())):
             reason = f"{reason}; {small}, but {TOO_SMALL}"
     if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:

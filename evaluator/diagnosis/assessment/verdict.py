@@ -21,7 +21,7 @@ from evaluator.diagnosis.assessment.cross_validation import (
 from evaluator.diagnosis.assessment.knowledge import ALIKE, far, strained, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, score
 from evaluator.diagnosis.candidates.free_form import grows_with_time
-from evaluator.diagnosis.inference.fit import EXCESS
+from evaluator.diagnosis.inference.fit import EXCESS, EXPLAINED
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 from evaluator.diagnosis.likelihood.known_to import START
 from evaluator.wording import counted
@@ -284,13 +284,16 @@ def _is_significant(search: Search, ids: Set) -> bool:
     return all(is_significant(effect) for effect in ids if is_free(effect))
 
 
-def doubts(left: Adequacy, constant: Sequence[Constancy], *, material: bool = True) -> str:
+def doubts(left: Adequacy, constant: Sequence[Constancy], *, material: bool = True, named: bool = False) -> str:
     """The reason why residuals and random effects of a model are not random; empty if they are.
 
     material: whether the residuals move the marks by what matters to the user. In a filmed session without an effect,
     two of 16 runs had slow errors of tracking of 2 µm beyond noise of 5 µm, which is significant, and no physics.
+    named: whether the model has an effect. It is no finding if residuals show that the model is wrong, however little
+    they move the marks: of a wheel that wobbled, a mark-offset imitated a part, and left 2.5 times the noise.
     """
-    if material and left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
+    counts = material or (named and left.excess > EXPLAINED)
+    if counts and left.excess > EXCESS and left.excess_sigma > EXCESS_SIGMA:
         return f"residuals are {left.excess:.2f} times the tracking noise ({left.excess_sigma:.0f} sigmas)"
     if left.order_p < NOT_CHANCE:
         return f"the {left.depends_on}, significantly (probability {left.order_p:.1g})"

@@ -64,7 +64,8 @@ def answered(
         asked["constancy"] = fit
         return ["constant"]
 
-    def doubts(_: Any, halves: Sequence[str], *, material: bool = True) -> str:
+    def doubts(_: Any, halves: Sequence[str], *, material: bool = True, named: bool = False) -> str:
+        asked["named"] = named
         if not halves:
             return small
         return "not asked of the halves" if halves != ["constant"] else reserve if material else too_little
@@ -96,7 +97,10 @@ def test_an_answer_is_what_is_decided_where_nothing_speaks_against_it(monkeypatc
     found = answered(monkeypatch, (FREE | A, "effect"), asked=asked)
     assert (found.verdict, found.reason, found.chosen, found.negligible) == ("effect", "so", FREE | A, NONE)
     assert found.leftover == "left of fit of ['a', 'free:x']"
-    assert asked == {"least_material": -np.inf, "gain": 0.002, "constancy": "fit of ['a']"}  # 0.2 % of speed matter
+    so = {"least_material": -np.inf, "gain": 0.002, "constancy": "fit of ['a']", "named": True}  # 0.2 % of speed matter
+    assert asked == so
+    answered(monkeypatch, (NONE, "none"), asked=asked)
+    assert not asked["named"]
     answered(monkeypatch, (A, "effect"), on_ground=True, asked=asked)
     assert asked["least_material"] == pytest.approx(-3 * 24 * np.log(0.8))
 

@@ -319,6 +319,10 @@ def test_left_overs_are_doubted_beyond_an_eighth_of_the_noise_and_five_sigmas() 
     assert doubts(left(1.11, 9.0), []) == doubts(left(1.5, 4.9), []) == ""
     assert doubts(left(1.13, 5.1), []) == "residuals are 1.13 times the tracking noise (5 sigmas)"
     assert doubts(left(1.13, 5.1), [], material=False) == ""
+    assert doubts(left(1.5, 40.0), [], material=False, named=True) == ""
+    wrong = "residuals are 1.51 times the tracking noise (40 sigmas)"  # beside which no effect is a finding
+    assert doubts(left(1.51, 40.0), [], material=False, named=True) == wrong
+    assert doubts(left(1.51, 40.0), [], material=False) == ""
     assert "depends on order" in doubts(left(1.13, 5.1, order_p=9e-4), [], material=False)
 
 
