@@ -10,7 +10,7 @@ import pytest
 
 from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
-from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others
+from evaluator.diagnosis.mistakes.misread.belief import beyond_the_others, beyond_tolerances, turned_away
 from evaluator.diagnosis.mistakes.misread.hypotheses import (
     MISFIT_SHARE,
     _judged,
@@ -291,3 +291,53 @@ def test_a_wrong_command_misfits_three_times_as_much_as_any_two_or_more_right_on
     runs = [judged(k, "reversed", (value, 9.0)) for k, value in enumerate((misfit, 9.0, *others))]
     found = [Found("r0", "wrong-command", "", ""), Found("r1", "reversed", "", "")]
     assert belief.beyond_the_others(found, runs) == found[-kept:]
+
+
+def turned(
+    name: str, left: float, right: float, expected_rad: float, turned_rad: float, share: float = 0.4
+) -> Judgement:
+    """A run that turns so far the way that its file says; its exchanged sides fit 1.5 times better."""
+    run = replace(driven(0), id=name, left_rpm=left, right_rpm=right)
+    ways = [Alternative(None, run), Alternative("wrong-command", run, "x"), Alternative("sides-swapped", run, "y")]
+    return Judgement(ways, np.array([10 * share, 20.0, 10 * share / 1.5]), 10.0, (), (expected_rad, turned_rad))
+
+
+WIDER = [
+    turned("wide", 45, 60, 0.26, 0.27, 0.1),
+    turned("tight", 14, 33, 0.36, 0.69, 0.3),
+    turned("right", 33, 14, 0.36, 0.63),
+    turned("back", -33, -14, 0.36, 0.66),
+    turned("straight", 40, 40, 0.01, -0.01),
+]
+
+
+@pytest.mark.parametrize(
+    ("odd", "others", "away"),
+    [
+        (turned("pivot", 5, 30, 0.24, -0.9), WIDER, True),
+        (turned("pivot", 5, 30, 0.24, -0.49), WIDER, False),  # a push turns it so far
+        (turned("pivot", 5, 30, 0.09, -0.9), WIDER, False),  # scrub lets it hardly turn
+        (turned("wide", 50, 60, 0.24, -0.9), WIDER, False),  # a slow wheel turns the widest turn to the other side
+        (turned("pivot", 30, 5, 0.24, -0.9), WIDER[:2] + WIDER[3:], False),  # of no other that is known to turn right
+        (turned("pivot", 5, 30, 0.24, -0.9), [turned("tight", 14, 33, 0.36, -0.1), *WIDER], False),
+    ],
+)
+def test_a_tight_turn_to_the_other_side_is_exchanged_where_wider_ones_to_its_side_turn_as_stated(
+    odd: Judgement, others: list[Judgement], away: bool
+) -> None:
+    seen = [odd, *others]
+    run = odd.ways[0].run.id
+    assert turned_away(seen) == ({run} if away else set())
+    swapped, command = Found(run, "sides-swapped", "", ""), Found(run, "wrong-command", "", "")
+    assert beyond_the_others([swapped, command], seen) == [swapped] * away
+    if away:
+        assert beyond_tolerances([swapped], seen, [ROBOT] * len(seen)) == [swapped]
+        assert _judged(odd, set()) is None
+        found = _judged(odd, set(), among=("sides-swapped",), better=1.3)
+        assert found is not None
+        assert found.kind == "sides-swapped"
+        assert _judged(odd, set(), among=("sides-swapped",), better=1.6) is None
+        many = [
+            replace(odd, ways=[replace(way, run=replace(way.run, id=f"p{k}")) for way in odd.ways]) for k in range(2)
+        ]
+        assert turned_away([*many, *others]) == set()

@@ -138,7 +138,7 @@ def test_a_few_runs_stand_for_all_of_a_kind_that_most_show_or_many_of_one_comman
 
     monkeypatch.setattr(belief, "is_beyond_tolerances", holds)
     runs = [SimpleNamespace(id=str(k), log=None, command=(k % commands, 1)) for k in range(count)]
-    seen: Any = [SimpleNamespace(ways=[SimpleNamespace(run=run)]) for run in runs]
+    seen: Any = [SimpleNamespace(ways=[SimpleNamespace(run=run)], turn_rad=(np.nan, np.nan)) for run in runs]
     found = [Found(str(k), "reversed", "", "") for k in range(min(count, 32))]
     assert len(belief.beyond_tolerances(found, seen, [TIRES] * count)) == kept
     assert len(tested) == asked

@@ -15,6 +15,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     FEWEST_SIMILAR,
     OTHER_WAY,
     SAME_SPEEDS,
+    TURNING,
     Floats,
     Judgement,
     speeds_of_sides,
@@ -30,6 +31,8 @@ TESTED, MANY, MOST_VARIED = 5, 20, 400
 # In 36 sessions of the seventeenth world, 34 good runs bent by effects fitted a turn to the other side, or backward, at
 # most 2.5 times better, and 12 of 13 that were exchanged or reversed more than 13 times.
 SURELY = 10.0
+# Predicted turn that has a sense, ten times what the marks err by, and a turn the other way that no disturbance makes.
+LEAST_TURN_RAD, CLEAR_TURN_RAD = 0.1, 0.5
 
 
 def one_rate_fits(judgements: Sequence[Judgement]) -> bool:
@@ -58,6 +61,32 @@ def late_alike(judgements: Sequence[Judgement]) -> set[str]:
     return alike if len(alike) > max(len(best) / 2, 2) else set()
 
 
+def turned_away(judgements: Sequence[Judgement]) -> set[str]:
+    """Runs that clearly turn the other way than stated, though runs with commands for wider turns turn as stated.
+
+    No effect reverses a tight turn and lets wider ones to its side be. Such a run may be far from every simulation:
+    where its friction decides how far a slow pivot turns, the exchanged sides fitted only 1.4 times better. At most a
+    few runs: where many turn the other way, more than one run is wrong.
+    """
+    turning = [item for item in judgements if item.turn_rad[0] > LEAST_TURN_RAD and item.ways[0].run.log is None]
+    away = [item for item in turning if item.turn_rad[1] < -CLEAR_TURN_RAD]
+    if len(turning) - len(away) < MOST * len(turning):
+        return set()
+    found = set()
+    for item in away:
+        run, others = item.ways[0].run, [other for other in turning if other is not item]
+        wider = [other for other in others if 0 < _tightness(other) / _tightness(item) <= 1]  # to the same side
+        if wider and all(other.turn_rad[1] > 0 for other in wider):
+            found.add(run.id)
+    return found
+
+
+def _tightness(item: Judgement) -> float:
+    """How tight a turn is commanded, positive to the left: 0 for a straight run, 2 for a turn on the spot."""
+    left, right = item.ways[0].run.command
+    return (right - left) / max(abs(left), abs(right))
+
+
 def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
     """The findings without those of runs whose misfit is only little larger than that of correct runs.
 
@@ -71,7 +100,8 @@ def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -
     if far is None:
         return list(found)
     kept = far | _exchanged(found, judgements) | _surely_turned(found, judgements)
-    return [item for item in found if item.kind not in ("wrong-command", *OTHER_WAY) or item.run in kept]
+    certain = {"wrong-command": kept, **dict.fromkeys(OTHER_WAY, kept | turned_away(judgements))}
+    return [item for item in found if item.kind not in certain or item.run in certain[item.kind]]
 
 
 def far_from_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str] | None:
@@ -140,10 +170,11 @@ def beyond_tolerances(found: Sequence[Found], judgements: Sequence[Judgement], r
 
     A few stand for all of a kind that most runs show, and for many runs of one command that have the same mistake.
     """
-    place = {item.ways[0].run.id: k for k, item in enumerate(judgements)}
+    place, away = {item.ways[0].run.id: k for k, item in enumerate(judgements)}, turned_away(judgements)
 
     def holds(item: Found) -> bool:
-        return is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])
+        surely = item.kind in TURNING and item.run in away
+        return surely or is_beyond_tolerances(item, judgements[place[item.run]], robots[place[item.run]])
 
     def held(alike: Sequence[Found], many: int) -> list[Found]:
         """Those that hold; of many, all if most of a few do."""

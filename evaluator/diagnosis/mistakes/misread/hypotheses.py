@@ -33,6 +33,7 @@ from evaluator.diagnosis.mistakes.misread.belief import (
     late_alike,
     misfits_within_tolerances,
     one_rate_fits,
+    turned_away,
     without_regimes,
 )
 from evaluator.diagnosis.mistakes.misread.command_unit import speed_factors
@@ -43,6 +44,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import (
     LEAST_TURN,
     OTHER_WAY,
     SAME_SPEEDS,
+    TURNING,
     Judgement,
     unsigned_speeds,
 )
@@ -96,9 +98,14 @@ def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
     odd = [item.share >= share for item, share in zip(judgements, least, strict=True)]
     within = misfits_within_tolerances(judgements, robots, odd)
     usual = _usual_kinds(judgements)
-    good_mm = _worst_of_good(judgements, odd)
-    judged = map(_judged, judgements, [usual] * len(data), least, within, [good_mm] * len(data))
-    found = [item for item in judged if item is not None]
+    good_mm, away = _worst_of_good(judgements, odd), turned_away(judgements)
+
+    def judged(k: int) -> Found | None:
+        said = judgements[k], usual, least[k], within[k], good_mm
+        turns_away = judgements[k].ways[0].run.id in away
+        return _judged(*said) or (_judged(*said, TURNING, ALIKE) if turns_away else None)
+
+    found = [item for item in map(judged, range(len(data))) if item is not None]
     if same and not one_rate_fits(judgements):
         shown = {item.ways[0].run.id for item in judgements if any(w.own for w in item.ways if w.kind == "wrong-rate")}
         found = [item for item in found if item.kind != "wrong-rate" or item.run in shown]
@@ -194,21 +201,30 @@ def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> l
         parts = np.array([_misfit(way.run.marks_mm, marks) for way, marks in possible])
         run = of_run[0].run
         held = [way for way, _ in possible]
-        judgements.append(Judgement(held, parts, _extent(predicted[k], run.marks_mm), unsigned_speeds(run)))
+        turn_rad = _largest_turn(run, predicted[k])
+        judgements.append(Judgement(held, parts, _extent(predicted[k], run.marks_mm), unsigned_speeds(run), turn_rad))
         k += len(of_run)
     return judgements
 
 
 def _turns_otherwise(way: Alternative, predicted: Floats) -> bool:
     """Whether the turn of a run refutes a hypothesis by which it turns the other way than stated."""
-    both = np.isfinite(predicted).all(axis=1) & np.isfinite(way.run.marks_mm).all(axis=1)
-    if way.kind not in OTHER_WAY or not both.any():
+    if way.kind not in OTHER_WAY:
         return False
-    expected, turned = (_turned(marks[both]) for marks in (predicted, way.run.marks_mm))
+    expected_rad, turned_rad = _largest_turn(way.run, predicted)
+    return turned_rad < LEAST_TURN * expected_rad
+
+
+def _largest_turn(run: RunData, predicted: Floats) -> tuple[float, float]:
+    """The largest predicted turn of a run, rad, and how far it has turned then the same way; NaN if unknown."""
+    both = np.isfinite(predicted).all(axis=1) & np.isfinite(run.marks_mm).all(axis=1)
+    if not both.any():
+        return float("nan"), float("nan")
+    expected, turned = (_turned(marks[both]) for marks in (predicted, run.marks_mm))
     if np.abs(np.diff(expected)).max(initial=0.0) > np.pi / 2:  # too fast to know the way from frame to frame
-        return False
+        return float("nan"), float("nan")
     most = int(np.argmax(np.abs(expected)))
-    return bool(turned[most] * np.sign(expected[most]) < LEAST_TURN * abs(expected[most]))
+    return float(abs(expected[most])), float(turned[most] * np.sign(expected[most]))
 
 
 def _turned(marks: Floats) -> Floats:
@@ -260,11 +276,14 @@ def _judged(
     least_share: float = MISFIT_SHARE,
     misfits_mm: Floats | None = None,
     good_mm: float = np.inf,
+    among: Collection[Kind] = (),
+    better: float = BETTER,
 ) -> Found | None:
     """The mistake that a run fits, if any; misfits_mm: to compare, by default those of the judgement.
 
     good_mm: misfit of runs that fit their files. A mistake that fits several times better than the file, but worse than
-    these, is told as the nearest, and corrects nothing.
+    these, is told as the nearest, and corrects nothing. among: the kinds of mistake; by default all. better: by which
+    factor it must fit better than the file.
     """
     ways, stated, misfits = item.ways, float(item.misfits_mm[0]), item.misfits_mm if misfits_mm is None else misfits_mm
     if any(way.kind == "wrong-unit" for way in ways) and not np.isfinite(stated):
@@ -275,11 +294,13 @@ def _judged(
     refused = [way.kind == "wrong-rate" and not way.own and "wrong-rate" not in usual for way in ways]
     if 0 < least_share <= item.share < MISFIT_SHARE:
         refused = [way.kind not in SAME_SPEEDS for way in ways]
+    if among:
+        refused = [way.kind not in among for way in ways]
     misfits = np.where(refused, np.inf, misfits)
     if not np.isfinite(misfits[1:]).any():
         return None
     best = float(np.nanmin(misfits[1:]))
-    if min(stated, np.nan_to_num(misfits[0], nan=np.inf)) < BETTER * best:
+    if min(stated, np.nan_to_num(misfits[0], nan=np.inf)) < better * best:
         return None
     as_good = max(ALIKE * best, 0.02 * stated)
     near: dict[Kind, tuple[float, Alternative]] = {}  # the best alternative of each kind, frequent kinds first

@@ -26,19 +26,22 @@ SAME_SPEEDS: tuple[Kind, ...] = ("reversed", "sides-swapped", "marks-swapped", "
 # of its sides within tolerances than to its file, if these bend the path to one side more than to the other.
 OTHER_WAY: tuple[Kind, ...] = ("sides-swapped", "mirrored")
 LEAST_TURN = 0.25
+TURNING: tuple[Kind, ...] = ("reversed", *OTHER_WAY)  # hypotheses that change the sense of a turn
 
 
 @dataclass(frozen=True)
 class Judgement:
     """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
 
-    extent_mm: of the path. speeds: of the wheels without side and sign.
+    extent_mm: of the path. speeds: of the wheels without side and sign. turn_rad: largest turn by
+    the file, and how far the run has turned then the same way; NaN if unknown.
     """
 
     ways: list[Alternative]
     misfits_mm: Floats
     extent_mm: float
     speeds: tuple[tuple[float, float], ...]
+    turn_rad: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
     def share(self) -> float:
