@@ -101,7 +101,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         stands = alone and found.verdict == "effect" and not _is_denied_elsewhere(found)
         again = None if stands else _without(found, suspect, watch, fits, hides=hides, only=only)
         if again is None:
-            return replace(found, reason=f"{found.reason}; the evidence {rests}") if alone else found
+            return replace(found, reason=f"{found.reason}; the evidence {rests}") if stands else found
         if alone and again.verdict == "none":
             named = f" for {', '.join(sorted(found.chosen))}" if found.verdict == "effect" else ""
             reason = f"the model is contradicted, but the evidence{named} {rests}"

@@ -108,6 +108,13 @@ def test_a_law_that_one_run_alone_needs_and_the_others_deny_is_no_finding(
     assert (stands.verdict, stands.reason) == ("effect", f"so; the evidence {rests}")
 
 
+def test_what_the_others_need_as_well_does_not_rest_on_one_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All runs above 50 rpm were slow, and the only one with its command was told to be the sole evidence."""
+    rest = finding("unknown", "too", runs=11)
+    found = diagnosed(monkeypatch, finding("unknown", "so"), rest, similar=False)
+    assert (found.verdict, found.reason, found.session.mistakes) == ("unknown", "so", ())
+
+
 def test_what_the_others_show_beside_such_a_law_is_found_and_the_run_is_to_be_repeated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

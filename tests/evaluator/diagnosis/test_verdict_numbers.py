@@ -186,6 +186,23 @@ def test_on_open_ground_effects_beside_which_a_form_fits_better_without_predicti
     assert ("no free-form term explains more" in found[2]) == (not told)
 
 
+@pytest.mark.parametrize(("more", "said"), [(51.0, "insufficient"), (49.0, "effect")])
+def test_on_open_ground_an_effect_that_a_far_better_model_does_without_is_no_finding(
+    more: float, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compliant axles of a rigid robot were told as missing with a probability below 0.001."""
+    search, table = ranked({FREE | B: 100.0 + more, A: 100.0, FREE: 1.0, B: 1.0, NONE: 0.0}, on_ground=True)
+    predicting(monkeypatch, lambda ids, _: ids == A)
+    monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
+    with_sigma(monkeypatch, 0.1)
+    found = decide(search, table, 95, A, 5.0)
+    assert found[:2] == ((A if said == "effect" else NONE), said)
+    better = "a model with b and 1 free-form term fits better, but predicts held-out commands no better than chance"
+    if said == "insufficient":
+        named = "a predicts held-out commands better; yet"
+        assert found[2] == f"{named} {better}: runs of more commands are needed"
+
+
 @pytest.mark.parametrize(
     ("effect", "key", "without", "with_it", "carries"),
     [
