@@ -98,14 +98,16 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         only = not has_similar_runs(run, others)  # it may be the only run in which an effect acts
         alone = only and not hides
         rests = f"rests on {run.id} alone, and no other run has a similar command: repeat that run"
-        stands = alone and found.verdict == "effect" and not _is_denied_elsewhere(found)
-        again = None if stands else _without(found, suspect, watch, fits, hides=hides, only=only)
-        if again is None:
-            return replace(found, reason=f"{found.reason}; the evidence {rests}") if stands else found
+        named = found.verdict == "effect"
+        if alone and named and not _is_denied_elsewhere(found):
+            return replace(found, reason=f"{found.reason}; the evidence {rests}")
+        again = _without(found, suspect, watch, fits, hides=hides, only=only)
+        what = f" for {', '.join(sorted(found.chosen))}" if named else ""
+        contradicted = f"the model is contradicted, but the evidence{what} {rests}"
+        if again is None:  # the others do not need fewer effects; named ones that they deny are no finding, either
+            return Diagnosis("insufficient", contradicted, found.session) if alone and named else found
         if alone and again.verdict == "none":
-            named = f" for {', '.join(sorted(found.chosen))}" if found.verdict == "effect" else ""
-            reason = f"the model is contradicted, but the evidence{named} {rests}"
-            return replace(again, verdict="insufficient", reason=reason)
+            return replace(again, verdict="insufficient", reason=contradicted)
         if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
             rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
             return replace(found, reason=f"{found.reason}; {', '.join(sorted(again.chosen))} {rests}")

@@ -104,6 +104,9 @@ def test_a_law_that_one_run_alone_needs_and_the_others_deny_is_no_finding(
     rests = "rests on r3 alone, and no other run has a similar command: repeat that run"
     said = f"the model is contradicted, but the evidence for plate-tilt {rests}"
     assert (found.verdict, found.reason, found.chosen) == ("insufficient", said, frozenset())
+    others = finding("unknown", "too", runs=11)
+    found = diagnosed(monkeypatch, whole, others, similar=False, followed=followed, without=0.0)
+    assert (found.verdict, found.reason, found.chosen) == ("insufficient", said, frozenset())
     stands = diagnosed(monkeypatch, whole, NOTHING, similar=False, without=1e-9)
     assert (stands.verdict, stands.reason) == ("effect", f"so; the evidence {rests}")
 
