@@ -27,6 +27,7 @@ from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
 from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.point import Point
+from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
@@ -49,6 +50,9 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
     follows = len(outlying) <= most_odd(len(runs))
     # friction and gains of each run are meaningless if the model does not explain the marks
     before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
+    # the gap is that of the robot: values common to all runs are those of the session, as in what is predicted
+    of_session = {key: value for key, value in gap_fit.point.nominal.items() if is_shared(key)}
+    as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
     one_frame = found.session.one_frame
     seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
     assert found.terms is not None
@@ -62,7 +66,7 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
         for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
     )
     lost = lost_before | lost_after
-    gap = Gap(run_gaps(problem, before, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
+    gap = Gap(run_gaps(problem, as_recorded, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
     found = replace(
         found,
         gap=gap.answered(added=bool(chosen)),
