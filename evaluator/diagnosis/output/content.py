@@ -117,7 +117,9 @@ class GapContent(TypedDict):
 
     unit: Literal["mm"]
     held_out_runs: list[str]  # runs not used for the choice and the size of the effects behind this gap
-    before: PairContent  # with the robot file
+    before: (
+        PairContent  # with the robot file, and the values common to all runs that the session has (start, clock, ...)
+    )
     after: PairContent  # with the effects found
     predicted: PredictedContent
     not_predicted: dict[str, str]  # by run: why it could not be simulated from its start pose

@@ -13,7 +13,11 @@ from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.result import Diagnosis
 
 TILT, FREE = frozenset({"plate-tilt"}), frozenset({"free:x"})
-NOMINAL, FITTED, PER_RUN = Point(np.zeros((4, 7))), Point(np.ones((4, 7))), np.ones((4, 7))
+NOMINAL, FITTED, PER_RUN = (
+    Point(np.zeros((4, 7))),
+    Point(np.ones((4, 7)), {"start": 0.2, "body.mass_g": 0.1}),
+    np.ones((4, 7)),
+)
 
 
 def reviewed(
@@ -37,7 +41,7 @@ def reviewed(
     predicted = iter([(np.full(4, 5.0), {0: "before"}), (np.full(4, 4.0), {1: "after"})])
 
     def started(_: Any, point: Point, *__: Any) -> str:
-        began["before"] = point
+        began["gap" if "before" in began else "before"] = point
         return "started"
 
     parts: dict[str, Any] = {
@@ -84,6 +88,10 @@ def test_a_review_tells_the_gap_before_and_after_and_what_is_left(monkeypatch: p
     assert began["robots"] == ["robot", "robot with it"]
     assert (found.outlying, found.follows, found.confirmation) == ((2,), True, 7.0)
     np.testing.assert_array_equal(began["before"].per_run, PER_RUN)
+    assert began["before"].nominal == {}
+    # the gap is that of the robot: the start of motion is that of the session, as in the predicted one
+    np.testing.assert_array_equal(began["gap"].per_run, PER_RUN)
+    assert began["gap"].nominal == {"start": 0.2}
     assert (found.pieces, found.pieces_after) == ("pieces of started", "pieces of the fit")
     assert (found.where, found.left) == (("most of pieces of started",), ("every of pieces of the fit",))
     assert (found.known, found.known_together) == ((SimpleNamespace(quantity="level"),), "together")
