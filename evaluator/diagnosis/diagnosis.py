@@ -99,7 +99,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         alone = only and not hides
         rests = f"rests on {run.id} alone, and no other run has a similar command: repeat that run"
         named = found.verdict == "effect"
-        if alone and named and not _is_denied_elsewhere(found):
+        if alone and named and _denied_elsewhere(found) is None:
             return replace(found, reason=f"{found.reason}; the evidence {rests}")
         again = _without(found, suspect, watch, fits, hides=hides, only=only)
         what = f" for {', '.join(sorted(found.chosen))}" if named else ""
@@ -112,6 +112,14 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
             rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
             return replace(found, reason=f"{found.reason}; {', '.join(sorted(again.chosen))} {rests}")
         found = again
+    else:  # as many runs are excluded as may go wrong
+        denied = _denied_elsewhere(found) if found.verdict == "effect" else None
+        if denied is not None:
+            what = ", ".join(sorted(found.chosen))
+            rests = (
+                f"the evidence for {what} rests on {denied} alone, and others are left out already: repeat these runs"
+            )
+            return Diagnosis("insufficient", f"the model is contradicted, but {rests}", found.session)
     return found
 
 
@@ -195,14 +203,16 @@ def _free_forms(found: Diagnosis) -> int:
     return sum(map(is_free, found.terms or {}))
 
 
-def _is_denied_elsewhere(found: Diagnosis) -> bool:
-    """Whether the runs except the single one on which effects depend make these less probable than their absence.
+def _denied_elsewhere(found: Diagnosis) -> str | None:
+    """The id of the single run on which effects depend, if the others make them less probable than their absence.
 
     Then no other run shows a trace of them: a law that fits one disturbed run by chance, or acts there alone.
     """
     assert found.search is not None
+    if found.search.problem.open_ground:
+        return None
     sole = sole_run(found.search, found.chosen, _free_forms(found))
-    return sole is not None and sole.without <= 0.0
+    return found.session.data[sole.run].id if sole is not None and sole.without <= 0.0 else None
 
 
 def _sole_gains_of(found: Diagnosis) -> int | None:

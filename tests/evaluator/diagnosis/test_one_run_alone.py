@@ -118,12 +118,29 @@ def test_what_the_others_need_as_well_does_not_rest_on_one_run(monkeypatch: pyte
     assert (found.verdict, found.reason, found.session.mistakes) == ("unknown", "so", ())
 
 
+def test_such_a_law_is_no_finding_once_as_many_runs_are_left_out_as_may_go_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rest = finding("effect", "it pays", runs=11, chosen=TILT)
+    found = diagnosed(monkeypatch, finding("unknown"), rest, similar=True, without=-9.0)
+    rests = "rests on r3 alone, and others are left out already: repeat these runs"
+    said = f"the model is contradicted, but the evidence for plate-tilt {rests}"
+    assert (found.verdict, found.reason, found.chosen) == ("insufficient", said, frozenset())
+    assert [item.runs for item in found.session.mistakes] == [("r3",)]
+    supported = diagnosed(monkeypatch, finding("unknown"), rest, similar=True, without=1.0)
+    assert (supported.verdict, supported.chosen) == ("effect", TILT)
+
+
 def test_what_the_others_show_beside_such_a_law_is_found_and_the_run_is_to_be_repeated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole = finding("effect", chosen=TILT | {"stray-magnet"})
     rest = Diagnosis("effect", "it pays", session_of(11), search=ON_PLATE, chosen=TILT)
-    found = diagnosed(monkeypatch, whole, rest, similar=False, without=-9.0)
+    around(monkeypatch, similar=False)
+    sole = SimpleNamespace(run=ODD, without=-9.0)
+    monkeypatch.setattr(module, "sole_run", lambda _, chosen, __: sole if chosen == whole.chosen else None)
+    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
+    found = diagnose(whole.session, no_progress)
     assert (found.verdict, found.chosen) == ("effect", TILT)
     (odd,) = found.session.mistakes
     assert odd.sentence.endswith(f"r3 alone; {ONLY}")
