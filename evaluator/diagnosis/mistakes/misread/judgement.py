@@ -33,8 +33,8 @@ TURNING: tuple[Kind, ...] = ("reversed", *OTHER_WAY)  # hypotheses that change t
 class Judgement:
     """A run, the hypotheses on it (that of the file first), and the misfit of each, mm.
 
-    extent_mm: of the path. speeds: of the wheels without side and sign. turn_rad: largest turn by
-    the file, and how far the run has turned then the same way; NaN if unknown.
+    extent_mm: of the path. speeds: of the wheels without side and sign. turn_rad: largest turn by the file, and how far
+    the run has turned then the same way; NaN if unknown.
     """
 
     ways: list[Alternative]
