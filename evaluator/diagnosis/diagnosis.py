@@ -31,7 +31,7 @@ from evaluator.diagnosis.mistakes.explained import without_explained_mistakes
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.parted_session import parted
 from evaluator.diagnosis.result import Diagnosis
-from evaluator.diagnosis.review import reviewed
+from evaluator.diagnosis.review import reviewed, withdrawn
 from evaluator.diagnosis.search_ground import searched_on_ground
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import (
@@ -105,7 +105,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         what = f" for {', '.join(sorted(found.chosen))}" if named else ""
         contradicted = f"the model is contradicted, but the evidence{what} {rests}"
         if again is None:  # the others do not need fewer effects; named ones that they deny are no finding, either
-            return Diagnosis("insufficient", contradicted, found.session) if alone and named else found
+            return withdrawn(found, contradicted) if alone and named else found
         if alone and again.verdict == "none":
             return replace(again, verdict="insufficient", reason=contradicted)
         if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
@@ -119,7 +119,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
             rests = (
                 f"the evidence for {what} rests on {denied} alone, and others are left out already: repeat these runs"
             )
-            return Diagnosis("insufficient", f"the model is contradicted, but {rests}", found.session)
+            return withdrawn(found, f"the model is contradicted, but {rests}")
     return found
 
 
@@ -292,8 +292,9 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         negligible=said.negligible,
         known=said.known,
         known_together=said.known_together,
+        nominal=ready.start,
     )
-    found = reviewed(found, ready.start)
+    found = reviewed(found)
     if found.verdict != "unknown" or ready.problem.open_ground:
         return found
     try:

@@ -21,6 +21,7 @@ from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.limits import Limit
 from evaluator.diagnosis.inference.profile_likelihood import Profile
 from evaluator.diagnosis.inference.search import Search
+from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from simulator.effects.coordinates import Candidate
 
@@ -59,6 +60,7 @@ class Diagnosis:
     known: tuple[Knowledge, ...] = ()  # fitted values of quantities known to a tolerance
     known_together: Together | None = None  # joint test of these
     stopped: bool = False  # whether it was stopped by the time limit
+    nominal: Point | None = None  # the model of the robot file, with the start poses of the runs
 
     @property
     def fit(self) -> Fit:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from evaluator.diagnosis.answer import too_few_runs
+from evaluator.diagnosis.assessment.adequacy import adequacy
 from evaluator.diagnosis.assessment.disagreement import dependences, every_dependence, most_telling, pieces
 from evaluator.diagnosis.assessment.gap import (
     TOO_SMALL,
@@ -20,7 +21,7 @@ from evaluator.diagnosis.assessment.gap import (
     predicted_gaps,
     run_gaps,
 )
-from evaluator.diagnosis.assessment.knowledge import as_taken
+from evaluator.diagnosis.assessment.knowledge import as_taken, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import confirmation
 from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
@@ -34,11 +35,12 @@ from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_runs import refit_without_held_out
 
 
-def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
+def reviewed(found: Diagnosis) -> Diagnosis:
     """The diagnosis with the gap before and after, on fitted and on held-out runs, and its dependences."""
     part, everything, chosen, fit = found.fit_search, found.search, found.chosen, found.fit
     assert part is not None
     assert everything is not None
+    assert found.nominal is not None
     problem, runs = part.problem, range(len(found.session.data))
     by_marks = problem.of_tracking
     gap_fit = part.fits.get(chosen) or refit_without_held_out(part, everything, chosen)
@@ -49,7 +51,7 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
     outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
     follows = len(outlying) <= most_odd(len(runs))
     # friction and gains of each run are meaningless if the model does not explain the marks
-    before = place_starts(by_marks, Point(after.per_run) if follows else nominal, runs)
+    before = place_starts(by_marks, Point(after.per_run) if follows else found.nominal, runs)
     # the gap is that of the robot: values common to all runs are those of the session, as in what is predicted
     of_session = {key: value for key, value in gap_fit.point.nominal.items() if is_shared(key)}
     as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
@@ -81,10 +83,28 @@ def reviewed(found: Diagnosis, nominal: Point) -> Diagnosis:
         known=found.known if follows else tuple(as_taken(item.quantity) for item in found.known),
         known_together=found.known_together if follows else None,
     )
-    return _doubted(found, nominal)
+    return _doubted(found)
 
 
-def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
+def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
+    """The diagnosis without its effects, which are no finding for this reason, and with what the null leaves."""
+    assert found.search is not None
+    fit, session = found.search.null, found.session
+    return reviewed(
+        replace(
+            found,
+            verdict="insufficient",
+            reason=reason,
+            chosen=frozenset(),
+            profiles={},
+            known=tuple(knowledge(session.known, fit)),
+            known_together=together(fit, found.search.tolerance),
+            leftover=adequacy(fit, session.data, session.relevant.speed_percent / 100),
+        )
+    )
+
+
+def _doubted(found: Diagnosis) -> Diagnosis:
     """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
     gap, search = found.gap, found.search
     assert gap is not None
@@ -92,7 +112,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     if found.verdict == "unknown" and found.chosen and (reason := not_shrunk(gap, found.held_out)):
         # a free-form term that does not predict held-out runs does not describe the missing physics
         tried = f"with {' and '.join(sorted(found.chosen))}, the nearest description, {reason}"
-        return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {tried}"), nominal)
+        return reviewed(replace(found, chosen=frozenset(), reason=f"{found.reason}; {tried}"))
     if found.verdict == "unknown" and found.chosen and not found.follows:
         lost = f"{len(found.outlying)} of the {len(found.session.data)} runs"
         return replace(found, reason=f"even the most probable model does not follow {lost} within noise")
@@ -116,8 +136,7 @@ def _doubted(found: Diagnosis, nominal: Point) -> Diagnosis:
     if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
         reason = f"{fitted}{reason.removeprefix('with it, ')}; {few}"
-        plain = replace(found, verdict="insufficient", reason=reason, chosen=frozenset(), profiles={})
-        return reviewed(plain, nominal)
+        return withdrawn(found, reason)
     return replace(found, verdict="unknown", reason=reason) if reason else found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -114,10 +115,10 @@ def test_a_term_without_a_name_whose_gap_does_not_shrink_is_not_told(
     after: float, told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was fitted to some runs, missed those held out by more than the file does, and stood as the answer."""
-    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
+    monkeypatch.setattr(review, "reviewed", lambda found: found)
     term, search = frozenset({"free:force_left.v_abs_v"}), SimpleNamespace()
     found = Diagnosis("unknown", "why", None, chosen=term, gap=gap(after), search=search)  # type: ignore[arg-type]
-    again = review._doubted(found, None)  # type: ignore[arg-type]
+    again = review._doubted(found)
     assert again.verdict == "unknown"
     assert again.chosen == (term if told else frozenset())
     tried = "why; with free:force_left.v_abs_v, the nearest description, the gap after refitting does not shrink (0.1"
@@ -136,20 +137,26 @@ def _of_four_runs(verdict: str, after: float, *, open_ground: bool = False) -> D
     )
 
 
+def without_effects(found: Diagnosis, reason: str) -> Diagnosis:
+    return replace(found, verdict="insufficient", reason=reason, chosen=frozenset())
+
+
 def test_what_speaks_against_an_effect_in_too_few_runs_is_insufficient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
+    monkeypatch.setattr(review, "reviewed", lambda found: found)
+    monkeypatch.setattr(review, "withdrawn", without_effects)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: "measure more")
-    found = review._doubted(_of_four_runs("effect", 0.11), None)  # type: ignore[arg-type]
+    found = review._doubted(_of_four_runs("effect", 0.11))
     assert (found.verdict, found.chosen) == ("insufficient", frozenset())
     assert found.reason.endswith("; measure more")
-    assert review._doubted(_of_four_runs("effect", 0.01), None).verdict == "effect"  # type: ignore[arg-type]
+    assert review._doubted(_of_four_runs("effect", 0.01)).verdict == "effect"
     monkeypatch.setattr(review, "too_few_runs", lambda *_: "")
-    assert review._doubted(_of_four_runs("effect", 0.11), None).verdict == "unknown"  # type: ignore[arg-type]
+    assert review._doubted(_of_four_runs("effect", 0.11)).verdict == "unknown"
 
 
 def test_what_speaks_against_an_effect_on_open_ground_asks_for_more_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(review, "reviewed", lambda found, _: found)
-    found = review._doubted(_of_four_runs("effect", 0.11, open_ground=True), None)  # type: ignore[arg-type]
+    monkeypatch.setattr(review, "reviewed", lambda found: found)
+    monkeypatch.setattr(review, "withdrawn", without_effects)
+    found = review._doubted(_of_four_runs("effect", 0.11, open_ground=True))
     assert (found.verdict, found.chosen) == ("insufficient", frozenset())
     assert found.reason.startswith("with plate-tilt, the gap after refitting does not shrink")
     assert found.reason.endswith("; runs of more commands are needed")

@@ -61,7 +61,7 @@ def test_of_a_laboratory_that_no_model_follows_nothing_is_said(
 ) -> None:
     """A stain of low friction, fitted by nothing, was said to prove the plate level to a tenth of a degree."""
     monkeypatch.setattr(review, "farthest_followed", lambda _, runs: np.zeros(len(runs)))
-    lost = review.reviewed(late, late.fit.point)
+    lost = review.reviewed(replace(late, nominal=late.fit.point))
     assert lost.verdict == "unknown"
     assert all(item.found == 0.0 for item in lost.known)
     assert _known(lost, "start_common_s").high == pytest.approx(1.96 * _known(late, "start_common_s").quantity.sigma)

@@ -52,6 +52,9 @@ def around(
     monkeypatch.setattr(module, "is_needed_without", lambda *_: False)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
     monkeypatch.setattr(module, "varied_robot", lambda *_: None)
+    monkeypatch.setattr(
+        module, "withdrawn", lambda found, why: replace(found, verdict="insufficient", reason=why, chosen=frozenset())
+    )
     monkeypatch.setattr(module, "outlying_run", lambda run, *_: Mistake((run.id,), "outlying", f"{run.id} alone"))
 
 

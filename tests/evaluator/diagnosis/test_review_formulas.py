@@ -11,6 +11,7 @@ import pytest
 from evaluator.diagnosis import review
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.result import Diagnosis
+from evaluator.settings import Relevant
 
 TILT, FREE = frozenset({"plate-tilt"}), frozenset({"free:x"})
 NOMINAL, FITTED, PER_RUN = (
@@ -61,7 +62,7 @@ def reviewed(
         "dependences": lambda seen: [f"all of {seen}"],
         "every_dependence": lambda seen: [f"every of {seen}"],
         "as_taken": lambda item: f"{item} as taken",
-        "_doubted": lambda found, _: found,
+        "_doubted": lambda found: found,
     }
     for name, part_of in parts.items():
         monkeypatch.setattr(review, name, part_of)
@@ -74,8 +75,9 @@ def reviewed(
         terms={},
         known=(SimpleNamespace(quantity="level"),),
     )  # type: ignore[arg-type]
-    found = Diagnosis(**{**vars(found), "fit_search": part, "search": everything, "known_together": "together"})
-    return review.reviewed(found, NOMINAL), began
+    more = {"fit_search": part, "search": everything, "known_together": "together", "nominal": NOMINAL}
+    found = Diagnosis(**{**vars(found), **more})
+    return review.reviewed(found), began
 
 
 def test_a_review_tells_the_gap_before_and_after_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,14 +132,17 @@ def doubted(
     monkeypatch.setattr(review, "grown_gap", lambda *_, **__: grown)
     monkeypatch.setattr(review, "not_shrunk", lambda *_: grown)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
-    monkeypatch.setattr(review, "reviewed", lambda again, _: again)
-    return review._doubted(found, NOMINAL)
+    monkeypatch.setattr(review, "reviewed", lambda again: again)
+    for name in ("knowledge", "together", "adequacy"):
+        monkeypatch.setattr(review, name, lambda *given, name=name: (f"{name} of {given[name == 'knowledge']}",))
+    return review._doubted(found)
 
 
 def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
     runs = more.pop("runs", ())
-    parts: Any = {"session": SimpleNamespace(relevant=SimpleNamespace(path_noise_floors=0.5), data=runs), "gap": "gap"}
-    parts["search"] = SimpleNamespace(problem=SimpleNamespace(open_ground=False), fits={chosen: "fit"})
+    parts: Any = {"session": SimpleNamespace(relevant=Relevant(), data=runs, known="known"), "gap": "gap"}
+    problem = SimpleNamespace(open_ground=False)
+    parts["search"] = SimpleNamespace(problem=problem, fits={chosen: "fit"}, null="null", tolerance={})
     return Diagnosis(verdict, "so", chosen=chosen, **parts, **more)
 
 
@@ -170,6 +175,10 @@ def test_what_contradicts_an_answer(
     found = doubted(monkeypatch, answered(verdict, chosen), **against)
     assert (found.verdict, found.chosen) == (said, chosen if kept else frozenset())
     assert reason in found.reason
+    if said == "insufficient" and against.get("few"):  # told of the model without effects
+        known: Any = found.known
+        assert (known, found.known_together) == (("knowledge of null",), ("together of null",))
+        assert found.leftover == ("adequacy of null",)  # type: ignore[comparison-overlap]
     assert found.reason.startswith("with ") == reason.startswith("with ")
 
 
