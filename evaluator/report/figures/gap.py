@@ -54,7 +54,7 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
         "gap",
         "The gap, before and after" if after else "The gap",
         f"Squares: the model of robot.toml{AFTER if after else ''}. Strokes: noise floor. The start pose and random "
-        "effects of each run are fitted. Shaded runs were held out: "
+        "effects of each run are fitted; start, clock and scale are those of the session. Shaded runs were held out: "
         f"{HELD_OUT}.{shown}",
         (canvas.svg,),
         pd.DataFrame(
