@@ -102,12 +102,10 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         if alone and named and _denied_elsewhere(found) is None:
             return replace(found, reason=f"{found.reason}; the evidence {rests}")
         again = _without(found, suspect, watch, fits, hides=hides, only=only)
-        what = f" for {', '.join(sorted(found.chosen))}" if named else ""
-        contradicted = f"the model is contradicted, but the evidence{what} {rests}"
         if again is None:  # the others do not need fewer effects; named ones that they deny are no finding, either
-            return withdrawn(found, contradicted) if alone and named else found
+            return withdrawn(found, _contradicted(found, rests)) if alone and named else found
         if alone and again.verdict == "none":
-            return replace(again, verdict="insufficient", reason=contradicted)
+            return replace(again, verdict="insufficient", reason=_contradicted(found, rests))
         if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
             rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
             return replace(found, reason=f"{found.reason}; {', '.join(sorted(again.chosen))} {rests}")
@@ -115,12 +113,15 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
     else:  # as many runs are excluded as may go wrong
         denied = _denied_elsewhere(found) if found.verdict == "effect" else None
         if denied is not None:
-            what = ", ".join(sorted(found.chosen))
-            rests = (
-                f"the evidence for {what} rests on {denied} alone, and others are left out already: repeat these runs"
-            )
-            return withdrawn(found, f"the model is contradicted, but {rests}")
+            rests = f"rests on {denied} alone, and others are left out already: repeat these runs"
+            return withdrawn(found, _contradicted(found, rests))
     return found
+
+
+def _contradicted(found: Diagnosis, rests: str) -> str:
+    """Why a finding is none; rests: a clause about the run on which its evidence rests."""
+    named = f" for {', '.join(sorted(found.chosen))}" if found.verdict == "effect" else ""
+    return f"the model is contradicted, but the evidence{named} {rests}"
 
 
 def _without(
@@ -209,8 +210,6 @@ def _denied_elsewhere(found: Diagnosis) -> str | None:
     Then no other run shows a trace of them: a law that fits one disturbed run by chance, or acts there alone.
     """
     assert found.search is not None
-    if found.search.problem.open_ground:
-        return None
     sole = sole_run(found.search, found.chosen, _free_forms(found))
     return found.session.data[sole.run].id if sole is not None and sole.without <= 0.0 else None
 
