@@ -221,12 +221,12 @@ class Follower(Motion):
         self._fitted = self._result.tolist()
         x, y, _, _, var_x, var_y, cov_xy, residual, _, _, pixels, slope, _ = self._fitted
         self.light.note_fit(frame.time_s, sloped=slope != 0.0)
-        self.offsets.note(frame.time_s, (x, y), self._found, self.look.area_px2, cell.item(0))
-        if self._slow_path.occluded:
+        if self.occluded:
             # From one end of a smeared mark its middle is known only as accurately as the length of the smear.
             share, unsure = self.shutter
             half_x, half_y = ((0.5 * unsure / share if share else 0.0) * path for path in self._disc[5:7].tolist())
             return Sighting(x, y, var_x + half_x**2, var_y + half_y**2, cov_xy + half_x * half_y, OK)
+        self.offsets.note(frame.time_s, (x, y), self._found, self.look.area_px2, cell.item(0))
         # Residuals above the learnt noise (codec, wire, texture) increase the uncertainty if they exceed it by more
         # than chance; residuals below it do not reduce the uncertainty.
         scale, (dx, dy) = 1.0, self._slow_path.shift
@@ -256,6 +256,11 @@ class Follower(Motion):
             patches, self.radius_px, self.look.disc.blur_px, smeared=self.step_px(interval_s) > SMEARED_PX
         )
 
+    @property
+    def occluded(self) -> bool:
+        """Whether the last measurement is that of the visible part of a disc."""
+        return self._slow_path.occluded
+
     def looks_changed(self) -> bool:
         """Whether residuals have changed since the shape was learnt, so that it should be learnt again."""
         ratio = self._noise[0] / self.look.disc.noise
@@ -263,7 +268,7 @@ class Follower(Motion):
 
     def note_light(self, frame: Frame) -> None:
         """Record the gradient of light at the mark, unless a wire causes it."""
-        if self._slow_path.occluded:
+        if self.occluded:
             return
         if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
             self.light.note(frame, self.position)
@@ -282,7 +287,7 @@ class Follower(Motion):
         before, lapse = self.velocity, time_s - self.time_s
         vague = sighting.status == OK and sighting.var_x + sighting.var_y > 2.0 * (VAGUE * self.radius_px) ** 2
         unlike = vague or sighting.status in {"no disc", "partly hidden", "not seen"}
-        self.unlike = self.unlike + 1 if unlike and not self._slow_path.occluded else 0
+        self.unlike = self.unlike + 1 if unlike and not self.occluded else 0
         # A mark that was out of sight reappears in parts; it is then not a smaller mark.
         self.hidden = unlike and (self.hidden or (sighting.status == "not seen" and self.last_sighting[1] < time_s))
         if self.move(sighting, time_s):

@@ -156,17 +156,34 @@ def measure_anew(followers: Followers, settings: TrackingSettings, held: Sequenc
 def choose_shapes(
     followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array, starts: Starts, rivals: Rivals
 ) -> None:
-    """Follow marks that are not discs as blobs, from the first held frame on; in place."""
-    for k, name in enumerate(settings.mark):
-        follower, mine = followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
-        tried = None
-        if follower is not None and not settings.pair:
-            tried, resting = try_mover(name, mine, settings, cell)
-            rivals.exclude(resting)
-        if tried is None and isinstance(follower, Follower):
-            first, start = starts[name]
-            tried = try_blob(start, first, mine, cell, disc_px=follower.look.disc.radius_px)
+    """Follow marks that are not discs as blobs, from the first held frame on; in place.
+
+    The visible part of an occluded disc may be oblong. It is one if it fits the disc of its partner, which is whole.
+    """
+    marks = list(enumerate(settings.mark))
+    tried = {name: _as_blob(k, name, followers, settings, held, cell, starts, rivals) for k, name in marks}
+    whole = [name for name in settings.pair if tried[name] is None and isinstance(followers.get(name), Follower)]
+    for k, name in marks:
+        blob, follower = tried[name], followers.get(name)
+        if blob is None or (whole and name in settings.pair and isinstance(follower, Follower) and follower.occluded):
+            continue
+        followers[name] = blob[0]
+        for (_, sightings), one in zip(held, blob[1], strict=True):
+            sightings[k] = one
+
+
+def _as_blob(
+    k: int, name: str, followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array,
+    starts: Starts, rivals: Rivals,
+) -> Tried:  # fmt: skip
+    """Follow the k-th mark as a blob through the held frames; None if it is a disc."""
+    follower, mine = followers.get(name), [(frame, sightings[k]) for frame, sightings in held]
+    if follower is not None and not settings.pair:
+        tried, resting = try_mover(name, mine, settings, cell)
+        rivals.exclude(resting)
         if tried is not None:
-            followers[name] = tried[0]
-            for (_, sightings), one in zip(held, tried[1], strict=True):
-                sightings[k] = one
+            return tried
+    if not isinstance(follower, Follower):
+        return None
+    first, start = starts[name]
+    return try_blob(start, first, mine, cell, disc_px=follower.look.disc.radius_px)

@@ -24,7 +24,8 @@ LOOKOUT_MASK, WATCHED, GLARING = 3, 8, 1.5e-3
 UNTAKEN = 1.0  # share of the shift by a slope that counts as an error if the slope is not corrected
 SMALLEST_PX = 2.0  # least radius of a mark's even interior in which a slope can be measured
 LEFT = 0.35  # least visible share of a mark's information with which an occluded mark is still measured
-# A slope explains an occlusion unless more than this share of it remains. Wires leave 0.95 or more, glare up to 0.85.
+# A slope explains an occlusion unless more than this share of it remains, or the mark stays disturbed. Thin wires leave
+# 0.95 or more, glare up to 0.85.
 EXPLAINED = 0.9
 # Largest uncertainty, in blurs of the edge, at which the parts of a rim agree; beyond it steps are no longer linear.
 AGREED = 0.25
@@ -101,7 +102,12 @@ class SlowPath:
         if edge is not None and edge[kernels.RESIDUAL] < max(fast_path.DISTURBED, HALF * sloped[kernels.RESIDUAL]):
             return self._keep_edge(edge)
         self.occluded = (
-            share > 0.0 and self._sound(share) and self._fit_unoccluded(frame, sloped, NEVER)[0] > EXPLAINED * seeming
+            share > 0.0
+            and self._sound(share)
+            and (
+                sloped[kernels.RESIDUAL] > fast_path.DISTURBED
+                or self._fit_unoccluded(frame, sloped, NEVER)[0] > EXPLAINED * seeming
+            )
         )
         self.occluded_lately = WATCHED if self.occluded else self.occluded_lately - 1
         if not self.occluded:

@@ -67,6 +67,11 @@ def test_a_shape_is_learnt_from_every_second_frame_and_shared_before_all_are_mea
     assert done[0] == ([(7, (1.0, 2.0), 8.0)], 0.0)  # of one frame no interval is known
 
 
+def partly_seen(*, occluded: bool) -> Any:
+    look = SimpleNamespace(disc=SimpleNamespace(radius_px=6.0))
+    return Disc(look=look, _slow_path=SimpleNamespace(occluded=occluded))
+
+
 def choosing(monkeypatch: pytest.MonkeyPatch, mover: Any, blob: Any, settings: TrackingSettings) -> tuple[Any, ...]:
     """What a disc is followed as after three frames, its sightings, what is excluded, and what was tried."""
     tried = list[Any]()
@@ -74,7 +79,7 @@ def choosing(monkeypatch: pytest.MonkeyPatch, mover: Any, blob: Any, settings: T
     excluded.exclude = lambda blobs: setattr(excluded, "blobs", blobs)
     monkeypatch.setattr(shape, "try_mover", lambda *_: tried.append("mover") or mover)
     monkeypatch.setattr(shape, "try_blob", lambda *said, disc_px: tried.append((*said[:2], disc_px)) or blob)
-    followers: Any = {"green": Disc(look=SimpleNamespace(disc=SimpleNamespace(radius_px=6.0)))}
+    followers: Any = {"green": partly_seen(occluded=False)}
     frames = held(*[at(1.0, 2.0)] * 3)
     shape.choose_shapes(followers, settings, frames, CELL, {"green": (4, "start")}, excluded)  # type: ignore[dict-item]
     return followers["green"], [sightings[0] for _, sightings in frames], excluded.blobs, tried
@@ -90,6 +95,24 @@ def test_a_mark_is_followed_as_a_blob_if_that_fits_better_and_a_single_one_where
     assert (type(kept), seen, excluded, len(tried)) == (Disc, [at(1.0, 2.0)] * 3, ["thing"], 2)
     moved = choosing(monkeypatch, (("mover", there), ["thing"]), None, SINGLE)
     assert moved == ("mover", there, ["thing"], ["mover"])
+
+
+@pytest.mark.parametrize(("occluded", "partner"), [(True, "disc"), (False, "disc"), (True, "blob"), (True, "absent")])
+def test_an_oblong_part_of_a_disc_beside_a_whole_one_is_no_blob(
+    occluded: bool, partner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there = [at(5.0, 6.0)]
+    blobs = {"start of green": ("blob", there), "start of yellow": ("blob", there) if partner == "blob" else None}
+    monkeypatch.setattr(shape, "try_blob", lambda start, *_, **__: blobs[start])
+    followers: Any = {"green": partly_seen(occluded=occluded), "yellow": partly_seen(occluded=False)}
+    if partner == "absent":
+        del followers["yellow"]
+    starts: Any = {name: (0, f"start of {name}") for name in ("green", "yellow")}
+    frames = held(at(1.0, 2.0))
+    rivals: Any = SimpleNamespace(exclude=lambda _: None)
+    shape.choose_shapes(followers, PAIR, frames, CELL, starts, rivals)
+    assert (followers["green"] == "blob") == (not occluded or partner != "disc")
+    assert frames[0][1][0] == (there[0] if followers["green"] == "blob" else at(1.0, 2.0))
 
 
 @pytest.mark.parametrize(

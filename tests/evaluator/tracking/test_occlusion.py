@@ -114,15 +114,19 @@ def test_the_shape_of_a_mark_is_learnt_beside_a_wire_that_always_lies_across_it(
     assert 0.1 < disc.occluded < 0.5
 
 
-def test_a_wire_that_the_robot_drags_across_a_mark_from_the_start_makes_no_silent_error() -> None:
-    rng, radius = np.random.default_rng(8), 7.0
+@pytest.mark.parametrize(("off", "width_px", "radius"), [(0.75, 2.0, 7.0), (0.85, 8.0, 9.2)])
+def test_a_wire_that_the_robot_drags_across_a_mark_from_the_start_makes_no_silent_error(
+    off: float, width_px: float, radius: float
+) -> None:
+    """A wide wire leaves the mark oblong in all frames from which its shape is learnt."""
+    rng = np.random.default_rng(8)
     truth = turning_marks(60, (118.0, 100.0), 36.0, 2 * radius, 0.02)
     images = []
     for k in range(60):
         step = max(k - 20, 0)
         here = {name: tuple(points[step]) for name, points in truth.items()}
         image = draw(rng, (240, 200), here, radius, BLUR, NOISE).astype(float)
-        share = wire_share((200, 240), here["green"], 0.5 - 0.02 * step, 0.75 * radius, 2.0, 4)
+        share = wire_share((200, 240), here["green"], 0.5 - 0.02 * step, off * radius, width_px, 4)
         share = cv2.GaussianBlur(share, (0, 0), 4 * BLUR).reshape(200, 4, 240, 4).mean(axis=(1, 3))[..., None]
         images.append(image * (1 - share) + np.array([40.0, 30.0, 25.0]) * share)
     table = track(frames_in_memory(images))
