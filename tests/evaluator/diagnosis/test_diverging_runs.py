@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diverging_runs
+from evaluator.diagnosis.likelihood.known_to import START as START_COMMON
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import Task
 from simulator.effects.coordinates import Candidate, Coordinate
 
 DRIFT = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 2.5),), lambda values: {"size": values[0]})
-COLUMN = Column("drift", 0, DRIFT)
+EFFECT = Column("drift", 0, DRIFT)
+MASS = "body.mass_g"
+COLUMN = Column(MASS)
 START = np.eye(5)[:, :3]
 
 
@@ -28,16 +31,21 @@ def driving(rpm: float) -> Any:
 
 
 def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
-    """A search whose best fit is at a drift of 2; a step changes the features of a run by slope and bends."""
+    """A search whose best fit is at a mass of 2; a step of it changes the features of a run by slope and bends.
+
+    They bend with the drift, too, which is an effect, and with the start, before which nothing is seen.
+    """
 
     def features(tasks: list[Task]) -> list[np.ndarray]:
-        steps = [(task.terms["drift"][0] - 2.0) / COLUMN.step for task in tasks]
+        steps = [(task.nominal[MASS] - 2.0) / COLUMN.step for task in tasks]
+        drifts = [(task.terms["drift"][0] - 1.0) / EFFECT.step for task in tasks]
         return [
             slopes[task.run] * step * np.eye(5)[3]
             + bends[task.run] * step**2 / 2 * np.eye(5)[4]
             + 9 * step**2 * START[:, 0]
             + 0.3 * np.eye(5)[4]  # noise, which is no change
-            for task, step in zip(tasks, steps, strict=True)
+            + 99 * (drift**2 + task.nominal.get(START_COMMON, 0.0) ** 2) * np.eye(5)[4]
+            for task, step, drift in zip(tasks, steps, drifts, strict=True)
         ]
 
     runs = len(slopes)
@@ -54,8 +62,8 @@ def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
         misfits=(np.array([*others, changes.get("misfit", 1.0)]) * 3.0, np.full(runs, 3.0)),
         converged=changes.get("converged", True),
         excess=changes.get("excess", 1.0),
-        point=Point(np.zeros((runs, 7)), terms={"drift": (2.0,)}),
-        columns=(COLUMN,),
+        point=Point(np.zeros((runs, 7)), {MASS: 2.0}, {"drift": (1.0,)}),
+        columns=(COLUMN, EFFECT, Column(START_COMMON)),
     )
     fits = {frozenset({"drift"}): best}
     return SimpleNamespace(
@@ -94,7 +102,7 @@ def seeds_of(search: Any, *kinds: dict[str, Any]) -> list[Any]:
 
 def test_a_run_that_diverges_after_the_first_seconds_is_found_at_any_fit_that_explains_these() -> None:
     search = search_of([1.0] * 3, [0.0, 9.0, 0.0])
-    elsewhere = Point(np.zeros((3, 7)), terms={"drift": (np.nan,)})  # from where the runs cannot be simulated
+    elsewhere = Point(np.zeros((3, 7)), {MASS: np.nan}, {"drift": (1.0,)})  # from where the runs cannot be simulated
     assert diverging_runs.diverging_beyond(search, seeds_of(search, {"point": elsewhere}, {})) == [1]
     for kinds in ([], [{"converged": False}], [{"excess": 1.6}], [{"point": elsewhere}]):
         assert diverging_runs.diverging_beyond(search, seeds_of(search, *kinds)) == []
@@ -128,17 +136,9 @@ def test_more_runs_than_go_wrong_by_themselves_do_not_diverge_from_a_model_that_
     assert diverging_runs.diverging_runs(search) == [3, 4]
 
 
-def test_what_ends_at_a_bound_within_a_step_is_not_varied(monkeypatch: pytest.MonkeyPatch) -> None:
-    near = Candidate("drift", (Coordinate("size", 0.0, 1.0, -10.0, 2.1),), lambda values: {"size": values[0]})
-    search = search_of([1.0] * 3, [9.0, 0.0, 0.0])
-    assert diverging_runs.diverging_runs(search) == [0]
-    monkeypatch.setattr(search.fits[frozenset({"drift"})], "columns", (Column("drift", 0, near),))
-    assert diverging_runs.diverging_runs(search) == []
-
-
-def at_drift(size: float, fit: Any) -> Any:
-    """The fit at another drift, which did not converge."""
-    return SimpleNamespace(point=replace(fit.point, terms={"drift": (size,)}), columns=fit.columns)
+def at_mass(size: float, fit: Any) -> Any:
+    """The fit at another mass, which did not converge."""
+    return SimpleNamespace(point=replace(fit.point, nominal={MASS: size}), columns=fit.columns)
 
 
 def test_where_no_model_explains_the_runs_those_that_diverge_at_one_of_the_best_fits_are_suspected() -> None:
@@ -158,12 +158,12 @@ def test_a_run_may_diverge_at_a_rival_alone_or_at_the_friction_that_all_runs_sha
     scattered = np.zeros((6, 7))
     scattered[:, 3:] = 0.1
     best.point = replace(best.point, per_run=scattered)
-    search.initial = lambda most: [best, *(at_drift(size, best) for size in (3.0, 4.0, 5.0))][:most]
+    search.initial = lambda most: [best, *(at_mass(size, best) for size in (3.0, 4.0, 5.0))][:most]
     met = {(2.0, True): [0], (2.0, False): [1], (3.0, True): [2], (5.0, True): [4]}  # the fourth fit is not tried
     monkeypatch.setattr(
         diverging_runs,
         "_diverging_at",
-        lambda _, point, *__: met.get((point.terms["drift"][0], bool(point.per_run.any())), []),
+        lambda _, point, *__: met.get((point.nominal[MASS], bool(point.per_run.any())), []),
     )
     assert diverging_runs.suspected_runs(search) == [0, 1, 2]
 

@@ -13,7 +13,7 @@ import pytest
 
 from calibration import camera_above
 from evaluator.recording import Frame
-from evaluator.tracking.plate_shift import PlateShift, WithPlate, _Reference
+from evaluator.tracking.plate_shift import CLEAR, PlateShift, WithPlate, _Reference
 from evaluator.workflow import analyze
 from evaluator.workflow.tracking import track_recording
 from tests.evaluator.tracking.synthetic import draw, frame_of, turning_marks, write_video
@@ -81,6 +81,18 @@ def test_tiles_within_two_distances_of_the_marks_tell_nothing_as_the_robot_moves
     motion = plate.motion(np.where(near[:, None], [40.0, 0.0], 0.0), np.full(plate.middles.shape, 0.01), marks)
     assert motion is not None
     assert (motion.shift_px, motion.of_scale_px) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("way", "told"), [((0.3, 0.0), False), ((0.0, 0.3), True), ((-0.6, 0.0), True)])
+def test_a_shift_along_the_strokes_of_a_brushed_plate_is_told_only_beyond_what_a_codec_gives_to_all_tiles(
+    way: tuple[float, float], *, told: bool
+) -> None:
+    plate = _Reference(next(recording([texture()[:480, :640]])))
+    sigma = np.tile([0.19, 0.05], (len(plate.middles), 1))
+    motion = plate.motion(np.tile(way, (len(plate.middles), 1)), sigma, [np.full((2, 2), 300.0)] * 2)
+    assert motion is not None
+    assert motion.shift_px == pytest.approx(np.hypot(*way))
+    assert (motion.shift_px > CLEAR * motion.error_px) == told
 
 
 def test_what_is_no_motion_of_the_plate_is_not_told() -> None:
