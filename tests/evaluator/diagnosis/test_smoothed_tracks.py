@@ -32,6 +32,11 @@ def alike(decay: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda values: lfilter([1.0], [1.0, -decay], values)
 
 
+def flickering(values: np.ndarray) -> np.ndarray:
+    """Noise that is largest about 20 Hz."""
+    return values + 0.25 * lfilter([1.0], [1.0, -2 * 0.96 * np.cos(2 * np.pi * 0.3375), 0.96**2], values[::-1])
+
+
 def raw(values: np.ndarray) -> np.ndarray:
     return values
 
@@ -42,6 +47,7 @@ def raw(values: np.ndarray) -> np.ndarray:
         *((mean_of(frames), True) for frames in (3, 5, 9)),
         *((parabola_of(frames), True) for frames in (5, 7, 9)),
         (raw, False),
+        (flickering, False),
         *((alike(decay), False) for decay in (0.5, 0.9, 0.99)),
     ],
 )

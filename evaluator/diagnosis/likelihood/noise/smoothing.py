@@ -24,7 +24,8 @@ FEWEST_MODES = 60  # in each band: medians of their powers scatter by a fifth
 # that a higher band has over a lower one. In 17 smoothed sessions (means of 5 and 9 frames, parabolas of 7 and 9) it
 # was 18 to 70; rounding to a hundredth of a millimetre and more conceals it (2.7 and less in seven others). It was 1.1
 # to 2.0 in raw tracks, 1.7 in those of compressed films, whose noise is alike in neighbouring frames as well, but
-# evenly, and 3.5 under vibration.
+# evenly, and 3.5 under vibration. Two neighbouring bands must have it: lamps that flicker, or marks that move over the
+# blocks of a codec at one speed in all runs, raise a single one (5.7 times the others in a film of MJPEG).
 RISES = 6.0
 # Frames on either side of a change: four of a mean of nine, and a start that is known to a frame and a half.
 AVERAGED_FRAMES = 6
@@ -41,7 +42,8 @@ def is_smoothed(spectra: Sequence[Spectrum]) -> bool:
     if min(map(len, bands)) < FEWEST_MODES:
         return False
     levels = np.array([np.median(band) for band in bands])
-    return bool((levels > RISES * np.minimum.accumulate(levels)).any())
+    risen = levels > RISES * np.minimum.accumulate(levels)
+    return bool((risen[1:] & risen[:-1]).any())
 
 
 def averaged_frames(time_s: Floats, changes_s: Sequence[float]) -> NDArray[np.bool_]:
