@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -131,26 +131,35 @@ def try_mover(
 
 def learn_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
     """Learn the shapes of discs from all held frames, and measure in these again; in place."""
-    marks = [followers.get(name) for name in settings.mark]
-    discs = [(k, mark) for k, mark in enumerate(marks) if isinstance(mark, Follower)]
+    discs = {
+        name: (k, mark) for k, name in enumerate(settings.mark) if isinstance(mark := followers.get(name), Follower)
+    }
     interval_s = float(np.median(np.diff([frame.time_s for frame, _ in held]))) if len(held) > 1 else 0.0
-    for k, follower in discs:
+    for k, follower in discs.values():
         seen = [(frame, (s[k].x, s[k].y)) for frame, s in held if s[k].status == OK]
         patches = [patch_of(frame, place, follower.radius_px) for frame, place in seen[::2]]
         disc = finished(follower.learn_anew(patches, interval_s))
         if disc is not None:
             follower.take_look(with_disc(follower.look, disc))
+    own = {name: follower.look for name, (_, follower) in discs.items()}
     agree(followers, settings.pair, Follower.take_look)
-    measure_anew(followers, settings, held, cell)
+    partly = [name for name, (_, follower) in discs.items() if follower.look is not own[name]]
+    measure_anew(followers, settings, held, cell, partly)
 
 
-def measure_anew(followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array) -> None:
-    """Measure discs again at their positions, with the shapes known by now; in place."""
+def measure_anew(
+    followers: Followers, settings: TrackingSettings, held: Sequence[Held], cell: Array, partly: Collection[str] = ()
+) -> None:
+    """Measure discs again at their positions, with the shapes known by now; in place.
+
+    partly: marks whose positions may be those of a visible part, so that their centres are within a radius.
+    """
     for frame, sightings in held:
         for k, name in enumerate(settings.mark):
             follower, one = followers.get(name), sightings[k]
             if isinstance(follower, Follower) and one.status == OK:
-                sightings[k] = follower.look_at(frame, cell, (one.x, one.y), 2.0, 0.0)
+                reach = follower.radius_px if name in partly else 2.0
+                sightings[k] = follower.look_at(frame, cell, (one.x, one.y), reach, 0.0)
 
 
 def choose_shapes(

@@ -44,6 +44,8 @@ def test_discs_are_measured_again_where_they_were_seen_and_nothing_else_is() -> 
     shape.measure_anew({"yellow": yellow}, PAIR, frames[:1], CELL)  # green is not followed
     assert yellow.notes == [((9.0, 9.0), 2.0, 0.0)]
     assert frames[0][1] == [at(1.5, 2.0), at(9.5, 9.0)]
+    shape.measure_anew({"green": green}, PAIR, frames[:1], CELL, {"green"})  # its centre is within a radius
+    assert green.notes[-1] == ((1.5, 2.0), 8.0, 0.0)
 
 
 @pytest.mark.parametrize("learnt", [True, False])
@@ -51,17 +53,28 @@ def test_a_shape_is_learnt_from_every_second_frame_and_shared_before_all_are_mea
     learnt: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = list[Any]()
+
+    def agreed(followers: Any, pair: Any, _take: Any) -> None:
+        done.append(pair)
+        if learnt:
+            followers["green"].look = "that of its partner"
+
     monkeypatch.setattr(shape, "patch_of", lambda one, place, radius: (one.index, place, radius))
     monkeypatch.setattr(shape, "finished", lambda lesson: lesson)
     monkeypatch.setattr(shape, "with_disc", lambda look, disc: (look, disc))
-    monkeypatch.setattr(shape, "agree", lambda _followers, pair, _take: done.append(pair))
-    monkeypatch.setattr(shape, "measure_anew", lambda *_: done.append("measured"))
+    monkeypatch.setattr(shape, "agree", agreed)
+    monkeypatch.setattr(shape, "measure_anew", lambda *said: done.append(("measured", said[-1])))
     green: Any = Disc(look="look", take_look=done.append)
     green.learn_anew = lambda patches, interval_s: done.append((patches, interval_s)) or ("disc" if learnt else None)
     frames = held(at(1.0, 2.0), ABSENT["no disc"], at(3.0, 4.0), at(5.0, 6.0), at(7.0, 8.0))
     shape.learn_anew({"green": green, "yellow": Blob()}, PAIR, frames, CELL)
     lesson = [(7, (1.0, 2.0), 8.0), (10, (5.0, 6.0), 8.0)], pytest.approx(0.1)
-    assert done == [lesson, *[("look", "disc")] * learnt, ("green", "yellow"), "measured"]
+    assert done == [
+        lesson,
+        *[("look", "disc")] * learnt,
+        ("green", "yellow"),
+        ("measured", ["green"] * learnt),
+    ]
     done.clear()
     shape.learn_anew({"green": green}, PAIR, held(at(1.0, 2.0)), CELL)
     assert done[0] == ([(7, (1.0, 2.0), 8.0)], 0.0)  # of one frame no interval is known
