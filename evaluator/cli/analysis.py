@@ -143,6 +143,17 @@ def length_unit(found: Analysis) -> LengthUnit:
     return unit_for(load_robot(found.experiment.robot).body.length_mm)
 
 
+def without_places(found: Analysis) -> list[str]:
+    """A line on what the places of the marks add to the intervals, if that is not little."""
+    from evaluator.report.runs import views_of
+    from evaluator.report.summary import places_sentence
+    from simulator.robot import load_robot
+
+    runs = [run for run in views_of(found, load_robot(found.experiment.robot)) if run.run not in found.excluded_runs]
+    said = places_sentence(runs)
+    return [said] if said else []
+
+
 def radius(row: Mapping[Hashable, Any], unit: LengthUnit) -> tuple[str, str]:
     """Radius of a row of turning.csv and its interval; a word if it has none. A single mark is named."""
     mark = only_mark(row)

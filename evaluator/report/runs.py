@@ -142,10 +142,11 @@ class RunView:
 
 def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
     """Every run that could be analysed, in the order of the experiment."""
-    assert analysis.comparison is not None
     poses = {run.id for run in analysis.experiment.run if run.poses is not None}
     unit = unit_for(robot.body.length_mm)
-    both = zip(_records(analysis.turning), _records(analysis.comparison), strict=True)
+    measured = _records(analysis.turning)
+    compared = [{} for _ in measured] if analysis.comparison is None else _records(analysis.comparison)
+    both = zip(measured, compared, strict=True)
     return [
         RunView(
             *(

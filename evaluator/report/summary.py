@@ -161,13 +161,19 @@ def _tightest(turning: Sequence[RunView]) -> str:
     if widest is not best:
         radius = f"{significant(widest.value('radius_mm') / widest.unit.mm)} {widest.unit.name}"
         text += f"; the widest {radius} (run {widest.id}, {widest.command})"
-    places = _by_places(best)
-    if places:
-        text += (
-            ". The intervals take the marks to be where robot.toml says; the tolerance of their positions adds "
-            f"{places} (95 %, run {best.id})"
-        )
-    return f"{text}."
+    return " ".join(filter(None, [f"{text}.", places_sentence([best])]))
+
+
+def places_sentence(runs: Sequence[RunView]) -> str:
+    """What the places of the marks add to the interval of the tightest turn, 95 %, if that is not little."""
+    turning = [run for run in runs if run.turns]
+    added = _by_places(tightest(turning)) if turning else ""
+    if not added:
+        return ""
+    return (
+        "The intervals take the marks to be where robot.toml says; the tolerance of their positions adds "
+        f"{added} (95 %, run {tightest(turning).id})."
+    )
 
 
 def _by_places(run: RunView) -> str:

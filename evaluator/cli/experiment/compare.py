@@ -18,6 +18,7 @@ from evaluator.cli.analysis import (
     radius,
     run_analysis,
     status_of,
+    without_places,
 )
 from evaluator.cli.options import BatchOptions, batch_options
 from evaluator.turning import only_mark
@@ -65,4 +66,4 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)
     lengths = f"radius, {unit.name}", "95 %", f"simulated, {unit.name}", f"path gap, {unit.name}"
     head = ["run", "rpm left / right", *lengths]
-    return text_table([*head, "heading gap, deg"] if verbose else head, rows)
+    return "\n".join([text_table([*head, "heading gap, deg"] if verbose else head, rows), *without_places(found)])

@@ -17,6 +17,7 @@ from evaluator.cli.analysis import (
     reasons_of_dashes,
     run_analysis,
     status_of,
+    without_places,
 )
 from evaluator.cli.options import BatchOptions, batch_options
 from evaluator.turning import only_mark
@@ -65,6 +66,5 @@ def turning_text(found: Analysis, *, verbose: bool) -> str:
         ]
         rows.append([*cells, true_minus(str(row["radius_status"]))] if verbose else cells)
     head = ["run", "rpm left / right", f"radius, {unit.name}", "95 %", f"speed, {unit.name}/s"]
-    if verbose:
-        return text_table([*head, "remark"], rows)
-    return "\n".join([text_table(head, rows), *reasons_of_dashes(measured, unit)])
+    dashes = [] if verbose else reasons_of_dashes(measured, unit)
+    return "\n".join([text_table([*head, "remark"] if verbose else head, rows), *dashes, *without_places(found)])

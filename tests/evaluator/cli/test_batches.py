@@ -20,11 +20,11 @@ from tests.evaluator.cli.called import run
 
 ROWS = [
     {"run": "a", "left_rpm": 33.3, "right_rpm": -14.4, "radius_mm": 5.93, "radius_low_mm": 5.9, "radius_high_mm": 6.0,
-     "turned_deg": 90.0, "speed_mm_s": 1.25, "radius_status": "ok"},
+     "group": "", "turned_deg": 90.0, "speed_mm_s": 1.25, "radius_status": "ok"},
     {"run": "b", "left_rpm": 30.0, "right_rpm": 30.0, "radius_mm": nan, "radius_low_mm": nan, "radius_high_mm": nan,
-     "turned_deg": 0.0, "speed_mm_s": 2.0, "radius_status": "straight: -0.1 1/m"},
+     "group": "", "turned_deg": 0.0, "speed_mm_s": 2.0, "radius_status": "straight: -0.1 1/m"},
     {"run": "lost", "left_rpm": 1.0, "right_rpm": 2.0, "radius_mm": nan, "radius_low_mm": nan, "radius_high_mm": nan,
-     "turned_deg": nan, "speed_mm_s": nan, "radius_status": ""},
+     "group": "", "turned_deg": nan, "speed_mm_s": nan, "radius_status": ""},
 ]  # fmt: skip
 COMPARED = [
     {"run": "a", "left_rpm": 33.3, "right_rpm": -14.4, "simulated_radius_mm": 5.95, "gap_rms_mm": 0.0123,
@@ -40,7 +40,7 @@ COMPARED = [
 def found() -> Any:
     """An analysis of two runs; a third one failed."""
     return SimpleNamespace(
-        excluded_runs=frozenset(), experiment=SimpleNamespace(robot="barrel"),
+        excluded_runs=frozenset(), experiment=SimpleNamespace(robot="barrel", run=[]),
         turning=pd.DataFrame(ROWS), comparison=pd.DataFrame(COMPARED), faults={"lost": "no marks"},
         notes={"a": ("dark",), "b": ("dark",)}, changed=(), outputs=Outputs(Path("out")),
     )  # fmt: skip
@@ -60,15 +60,21 @@ def asked(monkeypatch: pytest.MonkeyPatch, found: Any) -> list[dict[str, Any]]:
     return given
 
 
-TURNING = """run  rpm left / right  radius, mm            95 %  speed, mm/s
+PLACES = (
+    "The intervals take the marks to be where robot.toml says; the tolerance of their positions adds "
+    "±0.09 mm (95 %, run a)."
+)
+TURNING = f"""run  rpm left / right  radius, mm            95 %  speed, mm/s
 a        33.3 / −14.4       5.930  5.900 to 6.000        1.250
 b             30 / 30    straight                        2.000
+{PLACES}
 
 out/turning.csv
 """
-COMPARISON = """run  rpm left / right  radius, mm            95 %  simulated, mm  path gap, mm
+COMPARISON = f"""run  rpm left / right  radius, mm            95 %  simulated, mm  path gap, mm
 a        33.3 / −14.4       5.930  5.900 to 6.000          5.950         0.012
 b             30 / 30    straight                       straight         0.500
+{PLACES}
 
 out/comparison.csv
 """
@@ -113,10 +119,10 @@ def test_a_report_is_written_of_what_was_analysed(asked: list[dict[str, Any]], f
 
 def test_a_dash_in_place_of_a_radius_is_explained_in_a_line(found: Any) -> None:
     still = [{**ROWS[1], "run": name, "radius_mm": nan, "radius_status": "at rest"} for name in "cd"]
-    found.turning = pd.DataFrame([*ROWS, *still])
-    *table, why = turning_text(found, verbose=False).splitlines()
+    found.turning, found.comparison = pd.DataFrame([*ROWS, *still]), None
+    *table, why, places = turning_text(found, verbose=False).splitlines()
     assert len(table) == 5
-    assert why == "– in c, d: at rest"
+    assert (why, places) == ("– in c, d: at rest", PLACES)
     assert "– in" not in turning_text(found, verbose=True)
 
 
