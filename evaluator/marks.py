@@ -34,6 +34,11 @@ def mark_names(table: pd.DataFrame, unit: str = "mm") -> tuple[str, ...]:
     return tuple(name for name in names if f"{name}_y_{unit}" in table)
 
 
+def is_of_film(table: pd.DataFrame) -> bool:
+    """Whether a table is of turnscope's tracker, and thus of a film."""
+    return any(str(name).endswith("_status") for name in table)
+
+
 def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> NDArray[np.float64]:
     """Positions (n, m, 2) of some marks; NaN if a mark is missing."""
     # column by column: a table of several columns is made ten times as slowly as an array of each

@@ -28,7 +28,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.tracker_faults import Mended, mended, without_faults
 from evaluator.mark_geometry import equal_height_mm
-from evaluator.marks import columns_of, mark_names, read_marks
+from evaluator.marks import columns_of, is_of_film, mark_names, read_marks
 from evaluator.robot_geometry import reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from evaluator.wording import counted
@@ -209,11 +209,12 @@ def _read(
             skipped[run.id] = "no marks"
             continue
         try:
-            table, values = _pair_of(marks[run.id], robots[name], pairs[name], known, run.id in cameras)
+            table, values, filmed = _pair_of(marks[run.id], robots[name], pairs[name], known, run.id in cameras)
             if name not in lines_rad:
                 line = reference_line(robots[name])
                 lines_rad[name] = float(np.arctan2(line[1], line[0]))
             shown, own = _read_run(run, order, values, lines_rad[name])
+            shown = replace(shown, filmed=filmed)
         except InputError as error:  # an unreadable recording is an error of its run, not of the experiment
             skipped[run.id] = str(error)
             continue
@@ -227,8 +228,10 @@ def _read(
 
 def _pair_of(
     path: Path, robot: Robot, pair: Sequence[str], known: Mapping[Path, Mended], seen: bool
-) -> tuple[pd.DataFrame | None, Floats]:
+) -> tuple[pd.DataFrame | None, Floats, bool]:
     """Time and places (n, 5) of a robot's reference pair, and the table that they are from if a camera has seen them.
+
+    Also whether they are known to be from a film.
 
     Of a robot with two marks nothing else is needed, and a table of pandas takes longer than all else for a short run.
     """
@@ -237,10 +240,11 @@ def _pair_of(
         if missing := [name for name in pair if name not in found.names]:
             raise InputError(f"{path}: lacks the marks {', '.join(missing)} of {robot.name}")
         places = [found.places_mm[:, found.names.index(name)] for name in pair]
-        return None, np.column_stack([found.time_s, *places])
+        return None, np.column_stack([found.time_s, *places]), found.of_film
     read = read_marks(path)
     table = reference_marks(without_faults(read, mark_names(read)), robot)
-    return table if seen else None, table[["time_s", *columns_of(pair)]].to_numpy(dtype=float, copy=True)
+    values = table[["time_s", *columns_of(pair)]].to_numpy(dtype=float, copy=True)
+    return table if seen else None, values, is_of_film(read)
 
 
 def _mended(path: Path) -> Mended:

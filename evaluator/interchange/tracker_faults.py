@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.marks import columns_of, points_of
+from evaluator.marks import columns_of, is_of_film, points_of
 from evaluator.robust import robust_sigma
 from evaluator.wording import counted
 
@@ -33,7 +33,8 @@ class Mended:
     """Marks of a table as they were before a tracker lost or exchanged them.
 
     time_s: (n,). places_mm: (n, m, 2) by names, NaN where a mark is missing. exchanged: (n,), lost: (n, m), rows of the
-    table that were wrong. repeated: rows of its file that it lacks because they were written twice.
+    table that were wrong. repeated: rows of its file that it lacks because they were written twice. of_film: see
+    marks.is_of_film.
     """
 
     names: tuple[str, ...]
@@ -42,6 +43,7 @@ class Mended:
     exchanged: NDArray[np.bool_]
     lost: NDArray[np.bool_]
     repeated: int = 0
+    of_film: bool = False
 
     @property
     def notes(self) -> list[str]:
@@ -73,7 +75,8 @@ def mended(table: pd.DataFrame, names: Sequence[str]) -> Mended:
         places[exchanged] = places[exchanged][:, ::-1]
     lost = _lost(places)
     places[lost] = np.nan
-    return Mended(tuple(names), time_s, places, exchanged, lost, int(table.attrs.get("repeated", 0)))
+    repeated = int(table.attrs.get("repeated", 0))
+    return Mended(tuple(names), time_s, places, exchanged, lost, repeated, is_of_film(table))
 
 
 def without_faults(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:

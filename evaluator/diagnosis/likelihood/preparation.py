@@ -27,7 +27,12 @@ from evaluator.diagnosis.likelihood.noise.drift import with_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_shifts, whitening
 from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
-from evaluator.diagnosis.likelihood.noise.smoothing import averaged_frames, is_smoothed
+from evaluator.diagnosis.likelihood.noise.smoothing import (
+    AVERAGED_FRAMES,
+    PREDICTED_FRAMES,
+    averaged_frames,
+    is_smoothed,
+)
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.noise.wheel_bands import wheel_bands
 from evaluator.diagnosis.likelihood.point import Point
@@ -81,16 +86,16 @@ def _drifting(parts: tuple[Noise, ...], drift: Drift, axes: int) -> tuple[Noise,
 
 
 def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
-    """The problem without frames near changes of the motion if the tracks are smoothed: see noise/smoothing.py.
+    """The problem without frames that average over a change of the motion: see noise/smoothing.py.
 
     On open ground poses are filtered as well, but a frame of them moves the robot by less than the ground does.
     """
     if problem.open_ground:
         return problem
-    changes = [[run.start_s, *jumps_of(run.run_command.command)] for run in problem.data]
-    near = [averaged_frames(run.time_s, at) for run, at in zip(problem.data, changes, strict=True)]
-    channels = tuple(np.where(part[:, None], np.nan, item) for part, item in zip(near, problem.channels, strict=True))
-    without = replace(problem, channels=channels, smoothed=True)
+    filmed = [PREDICTED_FRAMES if run.filmed else 0 for run in problem.data]
+    problem = replace(problem, channels=_away_from_changes(problem, filmed))
+    smoothed = _away_from_changes(problem, [AVERAGED_FRAMES] * len(problem.data))
+    without = replace(problem, channels=smoothed, smoothed=True)
     residuals = without.residuals([point.task(run) for run in range(len(problem.data))])
     spectra = [
         item
@@ -99,6 +104,15 @@ def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
         for item in residual_spectra(run.time_s, left, run.start_s + SETTLING_S)[:2]
     ]
     return without if is_smoothed(spectra) else problem
+
+
+def _away_from_changes(problem: Problem, frames: Sequence[int]) -> tuple[Floats, ...]:
+    """Channels (n, c) of each run, NaN within some frames of a change of its command; all of them for 0 frames."""
+    found = []
+    for run, item, reach in zip(problem.data, problem.channels, frames, strict=True):
+        changes = [run.start_s, *jumps_of(run.run_command.command)] if reach else []
+        found.append(np.where(averaged_frames(run.time_s, changes, reach)[:, None], np.nan, item))
+    return tuple(found)
 
 
 def with_noise_of(problem: Problem, point: Point) -> Problem:

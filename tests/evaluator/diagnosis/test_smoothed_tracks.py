@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.signal import lfilter, savgol_filter
 
-from evaluator.diagnosis.likelihood.noise.smoothing import AVERAGED_FRAMES, averaged_frames, is_smoothed
+import simulator
+from evaluator.diagnosis.experiment import _read
+from evaluator.diagnosis.likelihood.noise.smoothing import (
+    AVERAGED_FRAMES,
+    PREDICTED_FRAMES,
+    averaged_frames,
+    is_smoothed,
+)
 from evaluator.diagnosis.likelihood.noise.spectrum import spectrum
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.settings import load_experiment
+from evaluator.workflow.runs.mistakes import given_marks
 from simulator.robot import load_robot
 
 RATE, FRAMES = 60.0, 480
+BARREL = Path(simulator.__file__).parent / "robots" / "barrel.toml"
 TIME = np.arange(FRAMES) / RATE
 
 
@@ -63,20 +76,25 @@ def test_tracks_are_smoothed_if_their_noise_lacks_frequencies_below_others_that_
 
 
 def test_frames_that_average_over_a_change_are_those_next_to_it() -> None:
-    near = averaged_frames(TIME, [1.0, 100.0])
+    near = averaged_frames(TIME, [1.0, 100.0], AVERAGED_FRAMES)
     assert np.flatnonzero(near).tolist() == list(range(60 - AVERAGED_FRAMES, 61 + AVERAGED_FRAMES))
-    assert not averaged_frames(TIME, np.arange(0.0, 8.0, 0.4).tolist()).any()  # a log of a controller
-    assert averaged_frames(TIME, np.arange(0.0, 8.0, 0.5).tolist()).sum() < FRAMES / 2
-    assert not averaged_frames(TIME[:1], [0.0]).any()
+    assert not averaged_frames(TIME, np.arange(0.0, 8.0, 0.4).tolist(), AVERAGED_FRAMES).any()  # a log of a controller
+    assert averaged_frames(TIME, np.arange(0.0, 8.0, 0.5).tolist(), AVERAGED_FRAMES).sum() < FRAMES / 2
+    assert not averaged_frames(TIME[:1], [0.0], AVERAGED_FRAMES).any()
 
 
-@pytest.mark.parametrize("smoothed", [True, False])
-def test_a_problem_of_smoothed_tracks_does_not_use_frames_near_start_and_stop(*, smoothed: bool) -> None:
+@pytest.mark.parametrize(
+    ("smoothed", "filmed", "left"), [(True, False, AVERAGED_FRAMES), (True, True, AVERAGED_FRAMES),
+                                     (False, True, PREDICTED_FRAMES), (False, False, 0)],
+)  # fmt: skip
+def test_a_problem_of_smoothed_or_filmed_tracks_does_not_use_frames_near_start_and_stop(
+    *, smoothed: bool, filmed: bool, left: int
+) -> None:
     robot, rng = load_robot("barrel"), np.random.default_rng(1)
     filtered = mean_of(5) if smoothed else raw
     runs = []
     for number in range(4):
-        run = RunData(f"r{number}", 33.3, 14.4, 1.0, 6.0, TIME, np.zeros((FRAMES, 4)), number)
+        run = RunData(f"r{number}", 33.3, 14.4, 1.0, 6.0, TIME, np.zeros((FRAMES, 4)), number, filmed=filmed)
         task = Task(0, tuple(np.zeros(PER_RUN)), {}, {})
         marks = Simulated([robot], [run], {}).marks([task])[0]
         noisy = marks + rng.normal(0.0, 0.005, marks.shape)
@@ -87,6 +105,30 @@ def test_a_problem_of_smoothed_tracks_does_not_use_frames_near_start_and_stop(*,
     for run in range(4):
         used = problem.counting_frames(run)
         for change in (60, 360):
-            near = used[change - AVERAGED_FRAMES : change + AVERAGED_FRAMES + 1]
-            assert near.any() != smoothed
+            assert used[change - left : change + left + 1].any() == (left == 0)
+            assert used[[change - left - 1, change + left + 1]].all()
         assert used.sum() >= FRAMES - 2 * (2 * AVERAGED_FRAMES + 1) - 5
+
+
+@pytest.mark.parametrize("robot", ["barrel", "of three marks"])
+def test_marks_with_the_status_of_a_tracker_are_from_a_film(robot: str, tmp_path: Path) -> None:
+    marks = {"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}
+    if robot != "barrel":
+        marks["red"] = (2.0, 0.0)
+        placed = "".join(f'[[mark]]\nname = "{name}"\nx_mm = {x}\ny_mm = {y}\n' for name, (x, y) in marks.items())
+        table = re.compile(r"^\[marks\]\n(?:[^\[\n].*\n|\n)*", re.MULTILINE)
+        (tmp_path / "robot.toml").write_text(table.sub("", BARREL.read_text("utf-8")) + placed, "utf-8")
+    columns = {
+        f"{name}_{axis}_mm": at + 0.001 * TIME for name, p in marks.items() for axis, at in zip("xy", p, strict=True)
+    }
+    table = pd.DataFrame({"time_s": TIME} | columns)
+    table.to_csv(tmp_path / "other.csv", index=False)
+    table.assign(green_status="ok").to_csv(tmp_path / "own.csv", index=False)
+    runs = "".join(
+        f'[[run]]\nid = "{name}"\nleft_rpm = 20\nright_rpm = 20\nmarks = "{name}.csv"\n' for name in ("own", "other")
+    )
+    chosen = "barrel" if robot == "barrel" else "robot.toml"
+    (tmp_path / "e.toml").write_text(f'format = 1\nname = "x"\nrobot = "{chosen}"\n{runs}')
+    experiment = load_experiment(tmp_path / "e.toml")
+    session, _ = _read(experiment, given_marks(experiment), {})
+    assert {run.id: run.filmed for run in session.data} == {"own": True, "other": False}
