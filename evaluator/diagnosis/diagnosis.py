@@ -235,8 +235,8 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
     """The diagnosis of all runs of a session, without exclusions."""
     reasons = shortcomings(session.data, session.skipped)
     if reasons:
-        reasons = [item.sentence for item in session.mistakes if item.everywhere] + reasons
-        return Diagnosis("insufficient", "; ".join(reasons), session)
+        mistaken = ["a mistake concerns all runs"] * any(item.everywhere for item in session.mistakes)
+        return Diagnosis("insufficient", "; ".join([*mistaken, *reasons]), session)
     try:
         return _searched(session, progress, fits)
     except SearchStoppedError as stopped:

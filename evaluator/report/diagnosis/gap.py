@@ -19,7 +19,10 @@ def gap_sentence(content: Json) -> str:
     gap = content.get("gap") or {}
     if not gap.get("before"):
         return ""
-    same = not content.get("effects") and gap["before"] == gap["after"]
+    shown = [
+        [length(side[part]) for part in ("fit", "held_out") if side.get(part)] for side in (gap["before"], gap["after"])
+    ]
+    same = not content.get("effects") and shown[0] == shown[1]
     again = closes(content) and not same
 
     def change(part: str, where: str) -> str:

@@ -31,6 +31,8 @@ def verdict_sentence(content: Json) -> str:
     apart = content.get("left_out_runs") or {}
     but = f", apart from {_some(sorted(apart))}, left out of the diagnosis" if apart else ""
     missing = "proven missing" if _possible(content) else "missing"
+    if lacking := content.get("not_driven"):
+        missing += f" in runs without {' and without '.join(lacking)}"
     return {
         "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances{but}.",
         "insufficient": "The search ended before a decision."
@@ -232,15 +234,31 @@ def rivals_sentence(content: Json) -> str:
 
 
 def _possible(content: Json) -> Json | None:
-    """The best rival that is more probable than the verdict, if it has a name and strains no tolerances."""
+    """The best rival that is more probable than the verdict, if it has a name and strains no tolerances.
+
+    An effect that is told as a value beyond its tolerance is no rival of that.
+    """
+    told = _told_as_values(content)
     for rival in content.get("rivals") or []:
         if not isinstance(rival, dict):
             continue
         effects, odds = rival.get("effects") or [], rival.get("log_odds")
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
-        if named and odds is not None and odds > REPORTED_LOG_ODDS and not rival.get("strains"):
+        strained = rival.get("strains") or set(effects) <= told
+        if named and odds is not None and odds > REPORTED_LOG_ODDS and not strained:
             return rival
     return None
+
+
+def _told_as_values(content: Json) -> set[str]:
+    """Effects equivalent to a value that contradicts its tolerance, which is told as that."""
+    findings = [str(item) for item in content.get("findings") or []]
+    return {
+        effect
+        for known in content.get("known_to") or []
+        if any(finding.startswith(f"{known.get('name')}:") for finding in findings)
+        for effect in known.get("equivalent") or []
+    }
 
 
 RUN_KEYS = ("left_rpm", "right_rpm", "duration_s", "x_mm", "y_mm", "heading_deg", "times")

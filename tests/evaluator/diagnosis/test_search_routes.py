@@ -187,7 +187,11 @@ def test_what_cannot_be_searched_says_why_and_what_concerns_all_runs_first(monke
     mistakes: Any = tuple(SimpleNamespace(sentence=name, everywhere=name == "mirrored") for name in ("one", "mirrored"))
     monkeypatch.setattr(module, "shortcomings", lambda *_: ["3 usable runs"])
     found = _diagnosed(session_of(3, mistakes=mistakes), no_progress, None)  # type: ignore[arg-type]
-    assert (found.verdict, found.reason, found.stopped) == ("insufficient", "mirrored; 3 usable runs", False)
+    assert (found.verdict, found.reason, found.stopped) == (
+        "insufficient",
+        "a mistake concerns all runs; 3 usable runs",
+        False,
+    )
 
 
 def test_a_search_that_is_stopped_has_no_verdict(done: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:

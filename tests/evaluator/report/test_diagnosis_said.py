@@ -53,6 +53,7 @@ BOTH = "from 410 µm to 6 µm on fitted runs and from 440 µm to 7 µm on held-o
 FOUND = {"verdict": "effect", "effects": [EFFECT], "gap": GAP}
 FEW = {**GAP, "before": {"fit": 0.41}}
 SAME = {**GAP, "before": GAP["after"]}
+HARDLY = {**GAP, "before": {"fit": 0.0060001, "held_out": 0.0070001}}
 LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
 
 
@@ -66,6 +67,10 @@ LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
         ),
         (
             {"verdict": "none", "effects": [], "gap": SAME},
+            f"T{RMS[1:]} is 6 µm on fitted runs and 7 µm on held-out runs; {FLOOR}",
+        ),
+        (
+            {"verdict": "none", "effects": [], "gap": HARDLY},
             f"T{RMS[1:]} is 6 µm on fitted runs and 7 µm on held-out runs; {FLOOR}",
         ),
         (

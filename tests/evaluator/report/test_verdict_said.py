@@ -41,6 +41,25 @@ def test_an_effect_has_its_probability_and_what_disagrees_without_it() -> None:
     assert WITHOUT_EFFECTS not in verdict_lines({**FOUND, "verdict": "none", "effects": []})
 
 
+def test_an_effect_that_is_told_as_a_value_beyond_its_tolerance_is_no_rival_of_that() -> None:
+    rival = {"effects": ["drive-speed-mismatch"], "log_odds": 3.2, "strains": []}
+    known = {"name": "radius of the left over the right wheel", "equivalent": ["drive-speed-mismatch"]}
+    content: dict[str, Any] = {"verdict": "none", "rivals": [rival], "known_to": [known]}
+    finding = "radius of the left over the right wheel: off by +0.029, tolerance 0.0071"
+    assert "drive-speed-mismatch" in rivals_sentence(content)
+    assert rivals_sentence({**content, "findings": [finding]}) == ""
+    more = {**rival, "effects": ["drive-speed-mismatch", "dead-band"]}
+    assert "dead-band" in rivals_sentence({**content, "findings": [finding], "rivals": [more]})
+    assert "drive-speed-mismatch" in rivals_sentence({**content, "findings": ["track: off by +0.2 mm"]})
+
+
+def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> None:
+    none: dict[str, Any] = {"verdict": "none", "effects": []}
+    assert verdict_sentence(none).startswith("Nothing is missing: the model")
+    some = verdict_sentence({**none, "not_driven": ["right turns", "backward motion"]})
+    assert some.startswith("Nothing is missing in runs without right turns and without backward motion: the model")
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
