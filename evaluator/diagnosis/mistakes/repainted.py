@@ -23,6 +23,9 @@ CHANGED_SHARE = 0.0135
 # the same for all runs before and after it is one of the scale; three standard deviations of two calibrations.
 RESCALED_SHARE = 0.0042
 APART = 2.0  # least ratio of the gap between two groups to their ranges; runs of one robot scatter evenly
+# Runs from which on groups and a keystone are told apart: four unknowns, and as many more for the scatter about them.
+# Four runs always form two groups of no range with some keystone; fewer must form them without any, too.
+TELLING_RUNS = 8
 
 
 def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -46,11 +49,12 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         step = np.linalg.lstsq(design, share, rcond=None)[0][2:]
         keystone, share = keystone + step, share - design[:, 2:] @ step
     low, high = share[~larger], share[larger]
-    between = float(high.min() - low.max())
     order = np.argsort([run.order for run in data])
     at_once = np.count_nonzero(np.diff(larger[order])) == 1
     least = RESCALED_SHARE if at_once else CHANGED_SHARE
-    if between < max(least, APART * float(np.ptp(low)), APART * float(np.ptp(high))):
+    between = _between(share, larger)
+    raw = np.log([float(np.median(item.ratio)) for item in spacings])
+    if between < least or (len(data) < TELLING_RUNS and _between(raw, larger) < least):
         return []
     far = larger if abs(np.median(high)) > abs(np.median(low)) else ~larger
     if far.sum() > len(data) / 2 + 1e-9:
@@ -63,6 +67,13 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         return [Found(run, "camera-moved", words, remedy, ("wrong-robot",), group=runs) for run in runs]
     remedy = "were they repainted? Give these runs a robot file of their own (robot, below the run)"
     return [Found(run, "wrong-robot", words, remedy, group=runs) for run in runs]
+
+
+def _between(values: Floats, larger: NDArray[np.bool_]) -> float:
+    """The gap between two groups; 0 if it is small beside the range of one of them."""
+    low, high = values[~larger], values[larger]
+    gap = float(high.min() - low.max())
+    return gap if gap >= APART * max(float(np.ptp(low)), float(np.ptp(high))) else 0.0
 
 
 def _split(values: Floats) -> NDArray[np.bool_]:
