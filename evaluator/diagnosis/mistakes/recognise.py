@@ -13,6 +13,7 @@ from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.dead_band import beyond_a_dead_band
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
 from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
+from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
 from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
@@ -38,6 +39,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found = list(same)
     found += _of_the_rest(wrong_seconds, data, robots, found)
     found += _of_the_rest(wrong_scale, data, robots, found)
+    found += _of_the_rest(in_another_unit, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)
     still = standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked

@@ -1,0 +1,126 @@
+"""Poses, or the commands beside them, in another unit: a robot drives or turns many times as fast as commanded.
+
+A robot with poses has no distance of marks that would show the unit of its positions. Slip and the lag of the drive
+take a share of a motion, and no physics makes it ten times as fast: the ratios of measured and commanded speed and yaw
+rate tell which of the three units is wrong, without a simulation, which on open ground no single run follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluator.diagnosis.candidates.coordinates import any_full_size
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.turn_sense import DELAYS_S, FEWEST, FEWEST_FRAMES, SHOWS
+from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
+from evaluator.diagnosis.mistakes.recognised import MOST, Found
+from evaluator.interchange.log_offset import AVERAGED_S, correlations
+from simulator.robot import Robot
+
+Floats = NDArray[np.float64]
+
+# Ratio of speeds, or its inverse, from which a unit may be the cause. Of 30 windows of a Husky on hard ground it is 0.8
+# to 2.5; wheels that spin on ice would have to slip by three quarters all the time.
+FAR = 4.0
+ALIKE = 2.0  # largest ratio of a run's factor to that of all
+NEAR = 1.6  # of the factor to that of a unit; neighbouring units are told together
+# Yaw rate over speed, each relative to its command: a skid-steered robot turns by 0.07 to 1 of what its track says, a
+# heading in another unit (57.3) is beyond ten times of that.
+TURNS_BY, OF_HEADING = 0.3, 10.0
+STRAIGHT_SHARE = 0.5  # mean speed of both sides over that of the faster, from which the middle moves about as they roll
+RADIAN_DEG = 180.0 / np.pi
+RPM_PER_RAD_S = 30.0 / np.pi
+
+
+@dataclass(frozen=True)
+class _Pace:
+    """Speed and yaw rate of a run over what its wheels are commanded; NaN where it does not show."""
+
+    speed: float
+    yaw: float
+
+
+def in_another_unit(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+    """All runs with poses of a session in which positions, headings or commands are in another unit; else none."""
+    runs = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.from_poses]
+    paces = [_pace(run, robot) for run, robot in runs]
+    speed, turn = (_common([getattr(item, name) for item in paces]) for name in ("speed", "yaw"))
+    if not np.isfinite(speed):
+        return []
+    times_of_turn = turn / TURNS_BY
+    heading_is_off, only_speed_is_off = _beyond(times_of_turn), _beyond(times_of_turn / speed)
+    if not _is_far(speed) and heading_is_off:
+        unit = "degrees" if times_of_turn > 1 else "radians"
+        seen = f"turns {_number(turn)} times as fast as commanded, as if its headings were in {unit}"
+        remedy = "name their column after their unit, heading_deg or heading_rad"
+    elif _is_far(speed) and only_speed_is_off:
+        seen = _seen(speed, "positions", {"in mm": 1000.0, "in cm": 100.0, "in m and not in mm": 1e-3})
+        remedy = "name their columns after their unit, x_mm or x_m"
+    elif _is_far(speed) and any_full_size(robots):  # of smaller ones a simulation tells more
+        commands = {
+            "in rad/s": RPM_PER_RAD_S,
+            "in rpm and not in rad/s": 1 / RPM_PER_RAD_S,
+            "those of motors before their gears": 1 / RPM_PER_RAD_S,
+            "in deg/s": 1 / 6,
+            "in deg/s and not in rad/s": 1 / RADIAN_DEG,
+            "in turns per second": 60.0,
+            "speeds of the wheels in m/s": 1000 * RPM_PER_RAD_S / runs[0][1].driving_radius_mm,
+        }
+        seen = _seen(speed, "commands", commands)
+        remedy = "give the speeds of the wheels in the unit of their column, or correct the robot file"
+    else:
+        return []
+    return [Found(run.id, "wrong-unit", seen, remedy) for run, _ in runs] if seen else []
+
+
+def _seen(times: float, what: str, units: Mapping[str, float]) -> str:
+    """That a robot drives so many times as fast, as if something were in one of the units near to that; "" for none."""
+    near = [unit for unit, factor in units.items() if abs(np.log(factor / times)) < np.log(NEAR)]
+    seen = f"drives {_number(times)} times as fast as commanded, as if its {what} were {' or '.join(near)}"
+    return seen if near else ""
+
+
+def _number(times: float) -> str:
+    return f"{times:.0f}" if times >= 10 else f"{times:.2g}"
+
+
+def _beyond(times: float) -> bool:
+    return bool(np.isfinite(times) and abs(np.log(times)) > np.log(OF_HEADING))
+
+
+def _is_far(times: float) -> bool:
+    return bool(abs(np.log(times)) > np.log(FAR))
+
+
+def _common(values: Sequence[float]) -> float:
+    """The factor that most of the runs that show one share; NaN if there is none."""
+    seen = np.array([value for value in values if np.isfinite(value) and value > 0])
+    if len(seen) < FEWEST:
+        return np.nan
+    common = float(np.median(seen))
+    return common if np.mean(np.abs(np.log(seen / common)) < np.log(ALIKE)) >= MOST else np.nan
+
+
+def _pace(run: RunData, robot: Robot) -> _Pace:
+    """Speed without its sign, because headings may be wrong, and yaw rate by its correlation with the command."""
+    time_s, middle_mm, heading_rad = midpoint_and_heading(run)
+    if len(time_s) < FEWEST_FRAMES:
+        return _Pace(np.nan, np.nan)
+    rolled_mm = 2 * np.pi * robot.driving_radius_mm / 60  # per s and rpm
+    sides = run.run_command.command.at
+    found, gains = correlations(time_s, np.column_stack([middle_mm, heading_rad]), sides, DELAYS_S)
+    best = int(found[1].argmax())
+    yaw = float(gains[1, best]) / rolled_mm * robot.track_mm if found[1, best] > SHOWS else np.nan
+    half = max(AVERAGED_S, 2 * float(np.median(np.diff(time_s)))) / 2
+    times = np.arange(time_s[0] + half, time_s[-1] - half, half)
+    after, before = ([np.interp(times + way * half, time_s, part) for part in middle_mm.T] for way in (1, -1))
+    speed = np.hypot(*np.subtract(after, before)) / (2 * half)
+    left, right = sides(times)
+    straight = np.abs(left + right) / 2 > STRAIGHT_SHARE * np.maximum(np.abs(left), np.abs(right))
+    if not straight.any():
+        return _Pace(np.nan, yaw)
+    return _Pace(float(np.median(speed[straight] / (rolled_mm * np.abs(left + right)[straight] / 2))), yaw)

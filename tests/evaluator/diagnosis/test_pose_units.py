@@ -1,0 +1,96 @@
+"""Poses and commands in another unit are told by how fast robots drive and turn; a robot that slips is not."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
+from evaluator.diagnosis.mistakes.recognise import recognise
+from evaluator.robot_geometry import stated_distances_mm
+from simulator.robot import Robot, load_robot
+
+HUSKY = load_robot(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
+COMMANDS = [(40.0, 60.0), (60.0, 40.0), (-40.0, -55.0), (50.0, 50.0), (30.0, -30.0), (-50.0, -35.0)]
+TIME = np.arange(60) / 10  # of a lidar
+
+
+def poses(
+    number: int, *, speed: float = 0.9, turn: float = 0.3, positions: float = 1.0, headings: float = 1.0,
+    robot: Robot = HUSKY,
+) -> RunData:  # fmt: skip
+    """A run that drives and turns by so much of its command, with positions and headings times a factor."""
+    left, right = COMMANDS[number % len(COMMANDS)]
+    rolled = 2 * np.pi * robot.driving_radius_mm / 60
+    yaw = turn * rolled * (right - left) / robot.track_mm
+    heading = 0.3 * number + yaw * TIME
+    step = speed * rolled * (left + right) / 2 * 0.1
+    way = np.cumsum(step * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    rng = np.random.default_rng(number)
+    middle = positions * (way + rng.normal(0.0, 0.002 * robot.track_mm, way.shape))
+    angle = headings * (heading + rng.normal(0.0, 0.005, len(TIME)))
+    half = stated_distances_mm([robot])[0] / 2 * np.column_stack([-np.sin(angle), np.cos(angle)])
+    marks = np.concatenate([middle + half, middle - half], axis=1)
+    return RunData(f"r{number}", left, right, 0.0, None, TIME, marks, number, from_poses=True)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"positions": 1000.0}, "drives; positions were in mm"),
+        ({"positions": 100.0}, "drives; positions were in cm"),
+        ({"positions": 1e-3}, "drives; positions were in m and not in mm"),
+        ({"headings": np.pi / 180}, "turns; headings were in radians"),
+        (
+            {"headings": 180 / np.pi / 8, "turn": 1.0},
+            "turns; headings were in degrees",
+        ),
+        ({"speed": 9.0, "turn": 3.0}, "drives; commands were in rad/s"),
+        (
+            {"speed": 0.016, "turn": 0.006},
+            "drives; commands were in deg/s and not in rad/s",
+        ),
+        (
+            {"speed": 50.0, "turn": 20.0},
+            "drives; commands were in turns per second or speeds of the wheels in m/s",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_in_another_unit_is_told_of_all_runs(wrong: dict[str, float], said: str) -> None:
+    runs = [poses(number, **wrong) for number in range(6)]
+    found = in_another_unit(runs, [HUSKY] * 6)
+    assert [item.run for item in found] == [run.id for run in runs]
+    assert {item.kind for item in found} == {"wrong-unit"}
+    way, unit = said.split("; ")
+    assert all(re.fullmatch(rf"{way} [\d.]+ times as fast as commanded, as if its {unit}", item.seen) for item in found)
+    (mistake,) = recognise(runs, [HUSKY] * 6)
+    assert (mistake.kind, mistake.everywhere) == ("wrong-unit", True)
+
+
+@pytest.mark.parametrize(
+    "slips", [{}, {"speed": 0.4}, {"turn": 0.05}, {"speed": 2.0, "turn": 2.0}, {"speed": 0.3, "turn": 0.04}]
+)
+def test_a_robot_that_slips_is_in_its_units(slips: dict[str, float]) -> None:
+    assert in_another_unit([poses(number, **slips) for number in range(6)], [HUSKY] * 6) == []
+
+
+def test_few_runs_runs_that_differ_and_marks_tell_no_unit() -> None:
+    wrong = [poses(number, positions=1000.0) for number in range(6)]
+    assert in_another_unit(wrong[:2], [HUSKY] * 2) == []
+    mixed = [run if number % 2 else poses(number) for number, run in enumerate(wrong)]
+    assert in_another_unit(mixed, [HUSKY] * 6) == []
+    marks = [RunData(run.id, 40.0, 60.0, 0.0, None, TIME, run.marks_mm, run.order) for run in wrong]
+    assert in_another_unit(marks, [HUSKY] * 6) == []
+    assert in_another_unit([], []) == []
+
+
+def test_commands_of_small_robots_are_left_to_their_simulation() -> None:
+    barrel = load_robot("barrel")
+    runs = [poses(number, speed=9.0, turn=3.0, robot=barrel) for number in range(6)]
+    assert in_another_unit(runs, [barrel] * 6) == []
+    runs = [poses(number, positions=1000.0, robot=barrel) for number in range(6)]
+    assert len(in_another_unit(runs, [barrel] * 6)) == 6
