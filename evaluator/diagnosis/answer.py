@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -97,6 +98,8 @@ def _nearest(reserve: str, search: Search, table: Standing, chosen: Set, session
     if nearest is None:
         return chosen, reserve
     still = doubts(adequacy(search.fits[nearest], session.data, session.relevant.speed_percent / 100), ())
+    if still and re.sub(r"[\d.]+", "", still) == re.sub(r"[\d.]+", "", reserve):  # the same, with another number
+        return nearest, f"{reserve}, with the free-form term as well"
     return nearest, f"{reserve}; with the free-form term, {still}" if still else reserve
 
 

@@ -51,7 +51,10 @@ def _values_off(content: Json) -> str:
 
 def _description(content: Json) -> str:
     """Description of an unknown effect: the free-form term, or the largest disagreement."""
-    free_first = sorted(content.get("effects") or [], key=lambda effect: effect["id"] != "free-form")
+    # what may be zero is told last, and a free-form term before what is known
+    free_first = sorted(
+        content.get("effects") or [], key=lambda effect: (_may_be_zero(effect), effect["id"] != "free-form")
+    )
     free = _with_minus("; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first))
     if free and closes(content):
         return f"; the best free-form explanation is {free}"
@@ -59,6 +62,12 @@ def _description(content: Json) -> str:
         return f", and no free-form term does either; the nearest is {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     return f", and no free-form term does either; the largest disagreement: {_with_minus(seen[0])}" if seen else ""
+
+
+def _may_be_zero(effect: Json) -> bool:
+    """Whether the intervals of all sizes of a free-form term contain zero."""
+    sizes = [size for size in (effect.get("parameters") or {}).values() if isinstance(size, dict)]
+    return effect["id"] == "free-form" and bool(sizes) and all(size["low"] <= 0 <= size["high"] for size in sizes)
 
 
 TELLING_SIGMAS = 2.0  # significance below which a disagreement, the largest of few runs, is not worth a sentence

@@ -195,6 +195,8 @@ def test_a_free_form_term_that_explains_too_little_is_said_to(monkeypatch: pytes
     assert found.reason == "residuals; with the free-form term, they remain"
     assert found.leftover == "left of fit of ['a']"  # of what was no answer: its runs are examined
     assert answered(monkeypatch, (A, "effect"), reserve="residuals").reason == "residuals"
+    same = answered(monkeypatch, (A, "effect"), reserve="friction by 30.5 %", small="friction by 29 %")
+    assert same.reason == "friction by 30.5 %, with the free-form term as well"
 
 
 def test_on_open_ground_a_reserve_is_added_to_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:

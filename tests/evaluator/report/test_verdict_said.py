@@ -53,6 +53,17 @@ def test_an_effect_that_is_told_as_a_value_beyond_its_tolerance_is_no_rival_of_t
     assert "drive-speed-mismatch" in rivals_sentence({**content, "findings": ["track: off by +0.2 mm"]})
 
 
+def test_a_free_form_term_that_may_be_zero_is_told_after_the_effects() -> None:
+    free = {"id": "free-form", "name": "a moment", "parameters": {"m": {"value": 1.0, "low": 0.5, "high": 1.5}}}
+    unknown: dict[str, Any] = {"verdict": "unknown", "effects": [TILT, free]}
+    said = verdict_sentence(unknown)
+    assert 0 < said.index("a moment") < said.index("the plate is not level")
+    vague = {**free, "parameters": {"m": {"value": 1.0, "low": -0.1, "high": 2.1}}}
+    said = verdict_sentence({**unknown, "effects": [vague, TILT]})
+    assert 0 < said.index("the plate is not level") < said.index("a moment")
+    assert "a moment" in verdict_sentence({**unknown, "effects": [{**free, "parameters": {}}]})
+
+
 def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> None:
     none: dict[str, Any] = {"verdict": "none", "effects": []}
     assert verdict_sentence(none).startswith("Nothing is missing: the model")
