@@ -47,6 +47,19 @@ LEAST_FACTOR = 0.02  # a term may weaken load, friction or stiffness of a wheel 
 
 
 @compiled(forceinline=True)
+def _slide(u: float, v: float, surface: float, steer: float, driven: bool) -> tuple[float, float]:
+    """Sliding velocity, body frame, of the contact of a wheel that is steered by an angle.
+
+    u, v: velocity of its centre, body frame. A wheel that rolls freely slides along its axle only.
+    """
+    cos, sin = math.cos(steer), math.sin(steer)
+    if driven:
+        return u - cos * surface, v - sin * surface
+    along_axle = cos * v - sin * u
+    return -sin * along_axle, cos * along_axle
+
+
+@compiled(forceinline=True)
 def _update_one(
     wheel: int, u: float, v: float, r: float, drive: Any, place: Any, rest: float, model: Any, contacts: Any
 ) -> None:
@@ -66,8 +79,8 @@ def _update_one(
             continue
         channel, basis = model.channel[term], model.basis[term]
         if basis >= SLIDE_COS2:
-            slide = u - surface if driven else 0.0  # a wheel that rolls freely slides sideways only
-            value *= slide_basis(basis, cos * slide - sin * v, sin * slide + cos * v, rest)
+            slide_u, slide_v = _slide(u, v, surface, steer + contacts[AXLE_ANGLE, wheel], driven)
+            value *= slide_basis(basis, cos * slide_u - sin * slide_v, sin * slide_u + cos * slide_v, rest)
         elif basis >= COS:
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
             at_y = y + sin * model.wheel_x[wheel] + cos * model.wheel_y[wheel]

@@ -19,7 +19,7 @@ from evaluator.tracking.rolling_shutter import RollingShutter, place_at_frame_ti
 from evaluator.tracking.uncertainty.codec import hidden_variance
 from evaluator.tracking.uncertainty.course import Course, steady_times
 from evaluator.tracking.uncertainty.exposure import exposed
-from evaluator.tracking.uncertainty.motion_changes import changes_of_motion
+from evaluator.tracking.uncertainty.motion_changes import around, kinks, smeared
 from evaluator.tracking.uncertainty.outline import widen_by_outline
 from evaluator.tracking.uncertainty.rigid_pair import Distance, wrong_ends
 from evaluator.tracking.uncertainty.tag_shape import widen_by_shape
@@ -66,16 +66,17 @@ def refine(
         for name, values in numbers.items():
             take_out(values, status[name], np.isfinite(values[:, 0]), UNLIKE)
     together = [name for name in numbers if name in body]
-    of_body = _abrupt(time_s, [numbers[name] for name in together], ~np.any(list(again.values()), axis=0))
+    new = ~np.any(list(again.values()), axis=0)
+    of_body = _kinks(time_s, [numbers[name] for name in together], new)
     for center, corners in tags.items():
         widen_by_shape(numbers, corners, center)
     for name, values in numbers.items():
-        follower, abrupt = followers.get(name), of_body if name in together else None
+        follower, bent = followers.get(name), of_body if name in together else None
         apart = _apart(numbers, name, together)
         if not np.isfinite(values[:, 0]).any():
             continue
         if follower is None:  # a tag or a light
-            _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
+            _add_hidden(time_s, values, kind, ~again[name], bent, apart)
             continue
         if isinstance(follower, Follower):
             _allow_for_light(times, values, follower)
@@ -85,7 +86,7 @@ def refine(
         shift, variance = exposed(time_s, values[:, :2], values[:, 2:4], follower.shutter)
         values[:, :2] -= shift
         values[:, 2:4] += variance
-        _add_hidden(time_s, values, kind, ~again[name], abrupt, apart)
+        _add_hidden(time_s, values, kind, ~again[name], bent, apart)
         if isinstance(follower, Follower):
             values[:, 2:4] += follower.offsets.variance(times)[:, None]
     _hold_together(time_s, numbers, status, together)
@@ -103,14 +104,21 @@ def _allow_for_light(times: Array, values: Array, follower: Follower) -> None:
 
 def _add_hidden(
     time_s: Array, values: Array, kind: NDArray[np.str_], new: NDArray[np.bool_],
-    abrupt: NDArray[np.bool_] | None, apart: Array | None,
+    bent: NDArray[np.bool_] | None, apart: Array | None,
 ) -> None:  # fmt: skip
-    """Increase variances by the smoothness of the course, in place; new: frames (n,) that are not repetitions."""
+    """Increase variances by the smoothness of the course, in place; new: frames (n,) that are not repetitions.
+
+    bent: of `kinks`, None if it is not known from other marks.
+    """
+    extra = None if bent is None else smeared(values[:, :2], bent, kind)
+    abrupt = None if bent is None else around(bent)
     for rows in _blocks(new):
         mean = values[rows, 2:4].mean(axis=1)
         near = None if abrupt is None else abrupt[rows]
         between = None if apart is None else apart[rows]
         values[rows, 2:4] += hidden_variance(time_s[rows], values[rows, :2], mean, kind[rows], near, between)[:, None]
+    if extra is not None:
+        values[:, 2:5] += extra
 
 
 def _blocks(chosen: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
@@ -128,13 +136,13 @@ def _apart(numbers: dict[str, Array], name: str, body: Sequence[str]) -> Array |
     return np.asarray(np.hypot(*(numbers[name][:, :2] - other[:, :2]).T))
 
 
-def _abrupt(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Frames around starts, stops and reversals of a body, (n,); None for one mark. new: frames without repetitions."""
+def _kinks(time_s: Array, marks: Sequence[Array], new: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """Starts, stops and reversals of a body, (n,); None for one mark. new: frames without repetitions."""
     if len(marks) < 2:
         return None
     found = np.zeros(len(time_s), bool)
     for rows in _blocks(new):
-        found[rows] = changes_of_motion([Course(time_s[rows], values[rows, :2]) for values in marks])
+        found[rows] = kinks([Course(time_s[rows], values[rows, :2]) for values in marks])
     return found
 
 
