@@ -14,7 +14,7 @@ from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowle
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.sufficiency import too_few
-from evaluator.diagnosis.assessment.verdict import TIE, Verdict, decide, doubts, material_gain, undecided
+from evaluator.diagnosis.assessment.verdict import TIE, UNDECIDED, Verdict, decide, doubts, material_gain, undecided
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
@@ -92,11 +92,15 @@ def _undecided(search: Search, table: Standing, session: Session) -> str:
 def _nearest(reserve: str, search: Search, table: Standing, chosen: Set, session: Session) -> tuple[Set, str]:
     """The best set with a free-form term, and the reason, which says so if it explains too little.
 
-    reserve: why the chosen set is no answer. It stays where no free-form term was fitted.
+    reserve: why the chosen set is no answer. It stays where no free-form term was fitted. Effects alone that are
+    certainly more probable than with any such term are nearer to the truth.
     """
     nearest = next((ids for ids in table.sets if any(map(is_free, ids))), None)
     if nearest is None:
         return chosen, reserve
+    best = table.sets[0]
+    if best and table.of(best) - table.of(nearest) > UNDECIDED:
+        return best, reserve
     still = doubts(adequacy(search.fits[nearest], session.data, session.relevant.speed_percent / 100), ())
     if still and re.sub(r"[\d.]+", "", still) == re.sub(r"[\d.]+", "", reserve):  # the same, with another number
         return nearest, f"{reserve}, with the free-form term as well"

@@ -57,7 +57,8 @@ def _description(content: Json) -> str:
     )
     free = _with_minus("; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first))
     if free and closes(content):
-        return f"; the best free-form explanation is {free}"
+        unnamed = any(effect["id"] == "free-form" for effect in free_first)
+        return f"; the {'best free-form' if unnamed else 'nearest known'} explanation is {free}"
     if free:
         return f", and no free-form term does either; the nearest is {free}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]

@@ -13,6 +13,7 @@ from evaluator.diagnosis.answer import Answer, answer, step_for_drift, too_few_c
 from evaluator.diagnosis.assessment.gap import TOO_SMALL
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.assessment.verdict import UNDECIDED
 from evaluator.settings import Relevant
 from evaluator.wording import counted
 from tests.evaluator.diagnosis.synthetic import run_data
@@ -42,6 +43,7 @@ def answered(
     small: str = "",
     possible: frozenset[str] = NONE,
     asked: dict[str, Any] | None = None,
+    ahead: float = 1.0,
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
     chosen, verdict = decided
@@ -50,7 +52,7 @@ def answered(
     problem = SimpleNamespace(open_ground=on_ground)
     search: Any = SimpleNamespace(fits=fits, null=fits[NONE], problem=problem, runs=(0,) * 24, tolerance={})
     session: Any = SimpleNamespace(relevant=Relevant(speed_percent=0.2), known=(), data=())
-    table = Standing((A, FREE | A, FREE, NONE), np.array([3.0, 2.0, 1.0, 0.0]))
+    table = Standing((A, FREE | A, FREE, NONE), np.array([2.0 + ahead, 2.0, 1.0, 0.0]))
 
     def decide(*given: Any) -> tuple[frozenset[str], str, str]:
         asked["least_material"] = given[4]
@@ -197,6 +199,15 @@ def test_a_free_form_term_that_explains_too_little_is_said_to(monkeypatch: pytes
     assert answered(monkeypatch, (A, "effect"), reserve="residuals").reason == "residuals"
     same = answered(monkeypatch, (A, "effect"), reserve="friction by 30.5 %", small="friction by 29 %")
     assert same.reason == "friction by 30.5 %, with the free-form term as well"
+
+
+def test_effects_alone_are_nearest_if_they_are_certainly_more_probable_than_with_a_free_form_term(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for ahead, chosen in ((UNDECIDED - 0.01, FREE | A), (UNDECIDED + 0.01, A)):
+        found = answered(monkeypatch, (NONE, "none"), reserve="residuals", small="they remain", ahead=ahead)
+        assert (found.verdict, found.chosen) == ("unknown", chosen)
+    assert found.reason == "residuals"
 
 
 def test_on_open_ground_a_reserve_is_added_to_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:

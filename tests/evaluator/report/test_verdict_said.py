@@ -62,6 +62,7 @@ def test_a_free_form_term_that_may_be_zero_is_told_after_the_effects() -> None:
     said = verdict_sentence({**unknown, "effects": [vague, TILT]})
     assert 0 < said.index("the plate is not level") < said.index("a moment")
     assert "a moment" in verdict_sentence({**unknown, "effects": [{**free, "parameters": {}}]})
+    assert "the nearest known explanation is the plate" in verdict_sentence({**unknown, "effects": [TILT]})
 
 
 def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> None:
