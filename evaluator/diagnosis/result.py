@@ -9,11 +9,11 @@ import pandas as pd
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy
-from evaluator.diagnosis.assessment.disagreement import Dependence
 from evaluator.diagnosis.assessment.gap import Gap
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.assessment.residuals.disagreement import Dependence
 from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.design.next_runs import NextRuns
 from evaluator.diagnosis.experiment import Session

@@ -8,7 +8,6 @@ import numpy as np
 
 from evaluator.diagnosis.answer import too_few_runs
 from evaluator.diagnosis.assessment.adequacy import adequacy
-from evaluator.diagnosis.assessment.disagreement import dependences, every_dependence, most_telling, pieces
 from evaluator.diagnosis.assessment.gap import (
     TOO_SMALL,
     Gap,
@@ -23,9 +22,11 @@ from evaluator.diagnosis.assessment.gap import (
 )
 from evaluator.diagnosis.assessment.knowledge import as_taken, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import confirmation
+from evaluator.diagnosis.assessment.residuals.disagreement import dependences, every_dependence, most_telling, pieces
+from evaluator.diagnosis.assessment.residuals.rhythm import rhythm
+from evaluator.diagnosis.assessment.residuals.unexplained import unexplained
 from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
-from evaluator.diagnosis.assessment.unexplained import unexplained
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.run_data import is_shared
@@ -57,6 +58,8 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
     one_frame = found.session.one_frame
     seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
+    beat = rhythm(problem, placed) if found.verdict == "unknown" else None
+    where = (most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)
     assert found.terms is not None
     terms, session = found.terms, found.session
     (before_mm, lost_before), (predicted_mm, lost_after) = (
@@ -74,7 +77,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
         gap=gap.answered(added=bool(chosen)),
         confirmation=confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
         pieces=seen,
-        where=tuple((most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)),
+        where=(*filter(None, [beat]), *where),
         pieces_after=seen_after,
         left=tuple(every_dependence(seen_after)),
         outlying=outlying,

@@ -7,8 +7,9 @@ from scipy import stats
 
 from calibration.assessment.camera_check import ALARM_SIGMA
 from evaluator import robust
-from evaluator.diagnosis.assessment import disagreeing_runs, disagreement, gap, knowledge, model_comparison, verdict
-from evaluator.diagnosis.assessment.unexplained import LAID_ON
+from evaluator.diagnosis.assessment import gap, knowledge, model_comparison, verdict
+from evaluator.diagnosis.assessment.residuals import disagreeing_runs, disagreement
+from evaluator.diagnosis.assessment.residuals.unexplained import LAID_ON
 from evaluator.diagnosis.design.next_runs import RIVAL_PROBABILITY
 from evaluator.diagnosis.likelihood.noise import discrepancy, spectrum
 from evaluator.interchange.poses import MEDIAN_OF_CHI2

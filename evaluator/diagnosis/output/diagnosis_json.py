@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
-from evaluator.diagnosis.assessment.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.assessment.residuals.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
+from evaluator.diagnosis.assessment.residuals.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.sufficiency import not_driven
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import prior_precision

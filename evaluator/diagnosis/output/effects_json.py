@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.cross_validation import covariance_over_commands
-from evaluator.diagnosis.assessment.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, is_free
+from evaluator.diagnosis.assessment.residuals.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.inference.fitted_model import Fit
@@ -30,10 +30,10 @@ DRAW_SEED = 20120612  # fixed: the same input gives the same intervals
 
 
 def effects(diagnosis: Diagnosis) -> list[EffectContent]:
-    """The chosen effects; if the verdict is "unknown" and no term was fitted, the disagreement itself."""
+    """The chosen effects; if the verdict is "unknown" and nothing explains the runs, the disagreement itself."""
     if diagnosis.negligible:
         return []
-    fitted = diagnosis.verdict != "unknown" or (diagnosis.follows and any(map(is_free, diagnosis.chosen)))
+    fitted = diagnosis.verdict != "unknown" or (diagnosis.follows and bool(diagnosis.chosen))
     if fitted or diagnosis.pieces is None or diagnosis.pieces.empty:
         return _without_repetition(
             [effect_content(diagnosis, effect) for effect in sorted(diagnosis.chosen)], diagnosis

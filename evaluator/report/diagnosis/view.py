@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES
 from evaluator.files.csv_tables import read_runs
 from evaluator.settings import Experiment
 from evaluator.workflow.results.outputs import Outputs

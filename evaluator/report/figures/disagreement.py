@@ -9,7 +9,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from evaluator.diagnosis.assessment.disagreement import QUANTITIES, SHOWN_SIGMAS, UNITS, Dependence, every_dependence
+from evaluator.diagnosis.assessment.residuals.disagreement import (
+    QUANTITIES,
+    SHOWN_SIGMAS,
+    UNITS,
+    Dependence,
+    every_dependence,
+)
 from evaluator.report.pages.colors import BLUE, INK, PAPER, SOFT, VERMILLION
 from evaluator.report.style import Figure, Line, drawing
 

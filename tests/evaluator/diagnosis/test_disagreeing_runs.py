@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.diagnosis.assessment.disagreeing_runs import disagreeing_runs
+from evaluator.diagnosis.assessment.residuals.disagreeing_runs import disagreeing_runs
 
 SIGMA = 0.01
 PIECES = 7  # of a run, the first of them within a second of the start

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from evaluator.diagnosis.assessment import disagreement
-from evaluator.diagnosis.assessment.disagreement import (
+from evaluator.diagnosis.assessment.residuals import disagreement
+from evaluator.diagnosis.assessment.residuals.disagreement import (
     QUANTITIES,
     SHOWN_SIGMAS,
     Dependence,

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.diagnosis.assessment.disagreeing_runs import RunDisagreement
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
+from evaluator.diagnosis.assessment.residuals.disagreeing_runs import RunDisagreement
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.inference.limits import Limit
 from evaluator.diagnosis.likelihood.point import Point

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.assessment import unexplained as module
-from evaluator.diagnosis.assessment.disagreement import Dependence
-from evaluator.diagnosis.assessment.unexplained import moved_mm, unexplained
+from evaluator.diagnosis.assessment.residuals import unexplained as module
+from evaluator.diagnosis.assessment.residuals.disagreement import Dependence
+from evaluator.diagnosis.assessment.residuals.unexplained import moved_mm, unexplained
 
 HALF_MM, LASTING_S, FLOOR_MM = 1.8, 8.0, 0.005
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
+from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
 from evaluator.report.diagnosis.knowledge import finding_sentences, preferred_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.values import length, parameter, parameters, sizes

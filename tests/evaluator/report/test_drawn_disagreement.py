@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES
 from evaluator.report.diagnosis.view import _pieces
 from evaluator.report.figures import disagreement
 from evaluator.report.pages.colors import INK, PAPER, SOFT

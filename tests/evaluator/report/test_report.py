@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.assessment.disagreement import COLUMNS, QUANTITIES
+from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES
 from evaluator.files import write_text
 from evaluator.report.build import report_html
 from evaluator.report.pages.colors import THEME

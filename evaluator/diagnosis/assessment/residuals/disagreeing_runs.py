@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from evaluator.diagnosis.assessment.disagreement import PIECE_S, QUANTITIES
+from evaluator.diagnosis.assessment.residuals.disagreement import PIECE_S, QUANTITIES
 from evaluator.robust import PER_MEDIAN
 
 # Standard deviations above which a phase of a run disagrees. Among 24 runs with two phases and three quantities, chance

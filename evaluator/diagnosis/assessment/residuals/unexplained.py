@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from evaluator.diagnosis.assessment.disagreement import Dependence
 from evaluator.diagnosis.assessment.gap import noise_floor
+from evaluator.diagnosis.assessment.residuals.disagreement import Dependence
 from evaluator.diagnosis.assessment.verdict import NOT_CHANCE
 from evaluator.diagnosis.likelihood.problem import Problem
 
