@@ -42,8 +42,8 @@ ROUNDS = 4  # a shift by several px is not linear, and is found by steps
 AGREE = 0.7  # share of the tiles that must agree on the motion
 CLEAR = 5.0  # standard errors of a motion that counts
 OVER_STATED = 3.0  # times the stated uncertainty of the marks: beyond its intervals
-# Error that a codec gives to all tiles, over the standard error of one: it moves texture along the strokes of a brushed
-# plate by up to 1.9, and across them by up to 0.8, in 13 clips of a still one (x264).
+# Standard error that a codec gives to all tiles together, over that of one: in 13 clips of a still brushed plate (x264)
+# it moved the texture by up to 1.9 along the strokes and 0.8 across them, of which CLEAR times this is beyond.
 SHARED = 0.5
 THRICE = 3  # frames that must show it: a codec damages single ones, as far as 0.17 px in a still clip
 LEAST_PX = 0.25  # and it moves the texture of a still plate by up to 0.14 px (the samples, and x264 with CRF 18)

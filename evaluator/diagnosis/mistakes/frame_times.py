@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.disturbances import SETTLED_S, way_over_rolled
 from evaluator.diagnosis.mistakes.motion import arm_mm, midpoint_and_heading
-from evaluator.diagnosis.mistakes.recognised import Correction, Found
+from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
 from evaluator.robust import PER_MEDIAN
 from simulator.robot import Robot
 
@@ -84,13 +84,19 @@ def runs_with_lost_frames(data: Sequence[RunData], robots: Sequence[Robot]) -> l
         return []
     losing = {run.id: losses for run in data if (losses := lost_frames(run, SIGMAS_IF_ANOTHER))}
     together = tuple(losing) if len(losing) > 2 else ()
-    remedy = "record with time stamps; `turnscope track` reads those of the original video"
+    filmed = {run.id for run in data if run.filmed}
     found = []
     for run, losses in losing.items():
         of = f"of {run} " * bool(together)
         seen = f"frames are missing ({of}{_words(losses)}), but the times count on, so that the motion is ahead of them"
+        pushed = len(losses) == 1 and not together
+        seen += ", or it was pushed along its path there" * pushed
+        remedy = "record with time stamps; `turnscope track` reads those of the original video"
+        if run in filmed:
+            remedy = "look at the video there, and record with time stamps"
         correction = Correction(lost_s=tuple((loss.time_s, loss.missing_s) for loss in losses))
-        found.append(Found(run, "wrong-rate", seen, remedy, correction=correction, group=together))
+        equivalent: tuple[Kind, ...] = ("pushed",) if pushed else ()
+        found.append(Found(run, "wrong-rate", seen, remedy, equivalent, correction, together))
     return found
 
 

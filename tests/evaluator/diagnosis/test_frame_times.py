@@ -151,9 +151,16 @@ def test_a_run_is_named_alone_and_three_together() -> None:
     one = runs_with_lost_frames(runs[2:], ())
     assert [(item.run, item.kind, item.group) for item in one] == [("r2", "wrong-rate", ())]
     assert one[0].seen.startswith("frames are missing (1 at 3.33 s), but the times count on")
+    assert (one[0].seen.endswith("or it was pushed along its path there"), one[0].equivalent) == (True, ("pushed",))
+    assert "the original video" in one[0].remedy
+    (filmed,) = runs_with_lost_frames([replace(run, filmed=True) for run in runs[2:]], ())
+    assert filmed.remedy.startswith("look at the video there")
+    (twice,) = runs_with_lost_frames([losing({100: 1, 200: 1})], ())
+    assert ("pushed" in twice.seen, twice.equivalent) == (False, ())  # nobody pushes a robot by a frame twice
     three = runs_with_lost_frames(runs, ())
     assert [item.group for item in three] == [("r0", "r1", "r2")] * 3
     assert "(of r0 1 at 1.67 s)" in three[0].seen
+    assert {("pushed" in item.seen, item.equivalent) for item in three} == {(False, ())}
     assert runs_with_lost_frames(runs[3:], ()) == []
 
 
