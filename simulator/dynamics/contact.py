@@ -79,7 +79,8 @@ def _update_one(
             continue
         channel, basis = model.channel[term], model.basis[term]
         if basis >= SLIDE_COS2:
-            slide_u, slide_v = _slide(u, v, surface, steer + contacts[AXLE_ANGLE, wheel], driven)
+            # without the angle of a compliant axle: as a function of the force it makes steps a hundred times as short
+            slide_u, slide_v = _slide(u, v, surface, steer, driven)
             value *= slide_basis(basis, cos * slide_u - sin * slide_v, sin * slide_u + cos * slide_v, rest)
         elif basis >= COS:
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]

@@ -49,7 +49,6 @@ def end(effects: Mapping[str, Mapping[str, float]]) -> tuple[float, float, float
     ("one", "other"),
     [
         ("friction-grain", "wheel-toe"),
-        ("friction-grain", "axle-compliance"),
         ("friction-grain", "motor-droop"),
         ("mass-offset", "plate-tilt"),
         ("wheel-toe", "scrub-torque"),
