@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from evaluator.report.numbers import LengthUnit
     from evaluator.workflow import Analysis
+    from simulator.robot import Robot
 
 MOST_NAMED = 6  # runs that are named in a note common to many
 DASH = "–"
@@ -135,22 +136,26 @@ def named_after(mark: str, column: str) -> str:
     return f"{mark}_{column}" if mark else column
 
 
+def robot_of(found: Analysis) -> Robot:
+    """The robot of the experiment."""
+    from simulator.robot import load_robot
+
+    return load_robot(found.experiment.robot)
+
+
 def length_unit(found: Analysis) -> LengthUnit:
     """The unit of lengths for the robot of the experiment."""
     from evaluator.report.numbers import unit_for
-    from simulator.robot import load_robot
 
-    return unit_for(load_robot(found.experiment.robot).body.length_mm)
+    return unit_for(robot_of(found).body.length_mm)
 
 
 def without_places(found: Analysis) -> list[str]:
     """A line on what the places of the marks add to the intervals, if that is not little."""
     from evaluator.report.runs import views_of
     from evaluator.report.summary import places_sentence
-    from simulator.robot import load_robot
 
-    runs = [run for run in views_of(found, load_robot(found.experiment.robot)) if run.run not in found.excluded_runs]
-    said = places_sentence(runs)
+    said = places_sentence([run for run in views_of(found, robot_of(found)) if run.run not in found.excluded_runs])
     return [said] if said else []
 
 

@@ -84,14 +84,19 @@ def log_offset(
     return LogOffset(value, float(value - reach), float(value + reach))
 
 
+def averaging_times(time_s: Array) -> tuple[Array, float]:
+    """Times (m,) at which a velocity is averaged over half a window before and after, and that half, s."""
+    half = max(AVERAGED_S, 2 * float(np.median(np.diff(time_s)))) / 2
+    return np.arange(time_s[0] + half, time_s[-1] - half, half), half
+
+
 def correlations(time_s: Array, pose: Array, sides: Sides, delays_s: Array) -> tuple[Array, Array]:
     """Correlations (2, k) of speed and yaw rate, about zero, with what a log commands so much earlier; 0 if either is.
 
     time_s, pose, sides: as of log_offset. Returns also the gains (2, k): mm/s per rpm of both sides, rad/s per rpm of
     their difference.
     """
-    half = max(AVERAGED_S, 2 * float(np.median(np.diff(time_s)))) / 2
-    times = np.arange(time_s[0] + half, time_s[-1] - half, half)
+    times, half = averaging_times(time_s)
     measured = _measured(time_s, pose, times, half)
     commanded = np.stack([_commanded(sides, times - delay, half) for delay in delays_s], axis=-1)
     products = np.einsum("cm,cmk->ck", measured, commanded)

@@ -11,6 +11,7 @@ from evaluator.report.diagnosis.knowledge import (
     negligible_sentence,
     preferred_sentence,
 )
+from evaluator.report.diagnosis.next_runs import next_runs_sentence, separations_sentence
 from evaluator.report.diagnosis.values import sizes
 from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
@@ -21,10 +22,8 @@ from evaluator.report.diagnosis.words import (
     in_words,
     left_out_sentence,
     moved_marks_sentence,
-    next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
-    separations_sentence,
     smoothed_sentence,
     together_sentence,
     unlike_sentences,

@@ -110,8 +110,10 @@ def _away_from_changes(problem: Problem, frames: Sequence[int]) -> tuple[Floats,
     """Channels (n, c) of each run, NaN within some frames of a change of its command; all of them for 0 frames."""
     found = []
     for run, item, reach in zip(problem.data, problem.channels, frames, strict=True):
-        changes = [run.start_s, *jumps_of(run.run_command.command)] if reach else []
-        found.append(np.where(averaged_frames(run.time_s, changes, reach)[:, None], np.nan, item))
+        near = np.zeros(len(item), dtype=np.bool_)
+        if reach:
+            near = averaged_frames(run.time_s, [run.start_s, *jumps_of(run.run_command.command)], reach)
+        found.append(np.where(near[:, None], np.nan, item) if near.any() else item)
     return tuple(found)
 
 

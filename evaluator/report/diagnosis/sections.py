@@ -8,6 +8,7 @@ from typing import Any
 from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
 from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section
 from evaluator.report.diagnosis.limits import limits_section
+from evaluator.report.diagnosis.next_runs import RUN_KEYS, next_runs, separations_sentence
 from evaluator.report.diagnosis.values import (
     length,
     parameters,
@@ -19,7 +20,6 @@ from evaluator.report.diagnosis.values import (
 )
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
-    RUN_KEYS,
     WITHOUT_EFFECTS,
     as_sentence,
     closes,
@@ -28,10 +28,8 @@ from evaluator.report.diagnosis.words import (
     exact_frictions_sentence,
     in_words,
     left_out_sentence,
-    next_runs,
     not_tried_sentence,
     rivals_sentence,
-    separations_sentence,
     smoothed_sentence,
     together_sentence,
     unlike_sentences,

@@ -10,12 +10,12 @@ import pytest
 
 from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES, SHOWN_SIGMAS, every_dependence
 from evaluator.report.diagnosis.knowledge import finding_sentences, preferred_sentence
+from evaluator.report.diagnosis.next_runs import next_runs_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.values import length, parameter, parameters, sizes
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     left_out_sentence,
-    next_runs_sentence,
     not_tried_sentence,
     rivals_sentence,
     verdict_sentence,

@@ -8,14 +8,12 @@ from typing import Any
 import pytest
 
 from evaluator.diagnosis.assessment.verdict import KEEP
+from evaluator.report.diagnosis.next_runs import RUN_KEYS, next_runs, separations_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     NAMED_LOG_ODDS,
-    RUN_KEYS,
-    next_runs,
     rivals_sentence,
-    separations_sentence,
     verdict_sentence,
     words_of,
 )

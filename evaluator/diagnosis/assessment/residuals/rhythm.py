@@ -33,14 +33,15 @@ BY = "rhythm"
 def rhythm(problem: Problem, point: Point) -> Dependence | None:
     """The oscillation of speed or yaw rate that all runs share at a point of a model; None without one.
 
-    Its size is the amplitude of the velocity, RMS over the runs: of speed or yaw rate, which is explained better.
+    Its size is the amplitude of the velocity, RMS over the runs: of speed or yaw rate, which is explained better. Its
+    sigmas count every frame as independent, and are the most that they can be.
     """
+    times, ways = _ways(problem, point)
+    if len(times) < FEWEST_RUNS:
+        return None
     found = []
-    for quantity in ("along_mm_s", "yaw_deg_s"):
-        times, ways = _ways(problem, point, quantity)
-        if len(times) < FEWEST_RUNS:
-            return None
-        frequency, share, amplitude = _strongest(times, ways)
+    for quantity, of_quantity in ways.items():
+        frequency, share, amplitude = _strongest(times, of_quantity)
         if share >= EXPLAINS:
             found.append((share, quantity, frequency, amplitude))
     if not found:
@@ -54,9 +55,10 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
     return Dependence(quantity, BY, "", sigmas, sentence, ((frequency, frequency, frequency),), amplitude / np.sqrt(2))
 
 
-def _ways(problem: Problem, point: Point, quantity: str) -> tuple[list[Floats], list[Floats]]:
-    """Times, s, and residual way, mm along the robot or deg, of the driven frames of each run."""
-    times, ways = [], []
+def _ways(problem: Problem, point: Point) -> tuple[list[Floats], dict[str, list[Floats]]]:
+    """Times, s, and residual ways, mm along the robot and deg, of the driven frames of each run."""
+    times: list[Floats] = []
+    along, turned = list[Floats](), list[Floats]()
     for number, run in enumerate(problem.data):
         residual, channels = problem.residuals([point.task(number)])[0], problem.channels[number]
         stop_s = np.inf if run.stop_s is None else run.stop_s
@@ -64,11 +66,10 @@ def _ways(problem: Problem, point: Point, quantity: str) -> tuple[list[Floats], 
         if used.sum() < FEWEST_FRAMES:
             continue
         heading = channels[used, 2] - np.pi / 2
-        along = np.cos(heading) * residual[used, 0] + np.sin(heading) * residual[used, 1]
-        turned = np.degrees(residual[used, 2] / problem.half_distance_mm)
         times.append(run.time_s[used] - run.start_s)
-        ways.append(along if quantity == "along_mm_s" else turned)
-    return times, ways
+        along.append(np.cos(heading) * residual[used, 0] + np.sin(heading) * residual[used, 1])
+        turned.append(np.degrees(residual[used, 2] / problem.half_distance_mm))
+    return times, {"along_mm_s": along, "yaw_deg_s": turned}
 
 
 def _strongest(times: Sequence[Floats], ways: Sequence[Floats]) -> tuple[float, float, float]:

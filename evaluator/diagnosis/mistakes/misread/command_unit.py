@@ -14,7 +14,7 @@ from evaluator.diagnosis.mistakes.disturbances import SETTLED_S
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.motion import motion_of
 from evaluator.diagnosis.mistakes.recognised import MOST
-from simulator.command import Command
+from simulator.command import RPM_PER_RAD_S, Command
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -51,16 +51,16 @@ def speed_factors(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fact
     show it, and have the factor of the others.
     """
     shown = _all_shown(data, robots)
-    asked = [k for k, value in enumerate(shown) if _is_far(float(value))]
+    asked = [k for k, value in enumerate(shown) if is_far(float(value))]
     shown[asked] /= _slipped([driven(data[k], float(shown[k])) for k in asked], [robots[k] for k in asked])
     common = _common(shown)
     found: list[Factor | None] = []
     for value, robot in zip(shown, robots, strict=True):
         if common and not abs(value / common - 1) >= COMMON_SHARE:
             named = _named(common, robot, of_all=True)
-            found.append(named or (Factor(common) if _is_far(common, MOST_OF_EFFECTS) else None))
+            found.append(named or (Factor(common) if is_far(common, MOST_OF_EFFECTS) else None))
         else:
-            found.append(_named(float(value), robot, of_all=False) if _is_far(float(value)) else None)
+            found.append(_named(float(value), robot, of_all=False) if is_far(float(value)) else None)
     return found
 
 
@@ -98,7 +98,7 @@ def _common(shown: Floats) -> float:
     seen = shown[np.isfinite(shown)]
     common = float(np.median(seen)) if len(seen) > 2 else np.nan
     alike = np.abs(seen - common) < COMMON_SHARE * common
-    return common if _is_far(common) and alike.sum() >= MOST * len(seen) else 0.0
+    return common if is_far(common) and alike.sum() >= MOST * len(seen) else 0.0
 
 
 def _named(times: float, robot: Robot, *, of_all: bool) -> Factor | None:
@@ -106,7 +106,7 @@ def _named(times: float, robot: Robot, *, of_all: bool) -> Factor | None:
 
     of_all: whether all runs have it. A single run is not half as fast as the others because of the robot file.
     """
-    per_rad_s, radius_mm = 60 / (2 * np.pi), robot.driving_radius_mm
+    per_rad_s, radius_mm = RPM_PER_RAD_S, robot.driving_radius_mm
     units = {
         "the command were in rad/s": per_rad_s,
         "the command were in deg/s": 1 / 6,
@@ -117,11 +117,12 @@ def _named(times: float, robot: Robot, *, of_all: bool) -> Factor | None:
     if of_all:
         units |= {"the radius of the wheels in the robot file were their diameter": 0.5}
     words, factor = min(units.items(), key=lambda item: abs(np.log(item[1] / times)))
-    most = UNIT_SHARE if _is_far(times, MOST_OF_EFFECTS * (1 + UNIT_SHARE)) else NEAR_SHARE
+    most = UNIT_SHARE if is_far(times, MOST_OF_EFFECTS * (1 + UNIT_SHARE)) else NEAR_SHARE
     return Factor(factor, words) if abs(times / factor - 1) < most else None
 
 
-def _is_far(times: float, least: float = LEAST_FACTOR) -> bool:
+def is_far(times: float, least: float = LEAST_FACTOR) -> bool:
+    """Whether a ratio, or its inverse, is larger than the least one; not if it is unknown or not positive."""
     return bool(np.isfinite(times) and times > 0 and abs(np.log(times)) > np.log(least))
 
 

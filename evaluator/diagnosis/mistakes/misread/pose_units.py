@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.candidates.coordinates import any_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.command_unit import STRAIGHT_SHARE, is_far
 from evaluator.diagnosis.mistakes.misread.turn_sense import DELAYS_S, FEWEST, FEWEST_FRAMES, SHOWS
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import MOST, Found
-from evaluator.interchange.log_offset import AVERAGED_S, correlations
+from evaluator.interchange.log_offset import averaging_times, correlations
+from simulator.command import RPM_PER_RAD_S
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -31,9 +33,7 @@ NEAR = 1.6  # of the factor to that of a unit; neighbouring units are told toget
 # Yaw rate over speed, each relative to its command: a skid-steered robot turns by 0.07 to 1 of what its track says, a
 # heading in another unit (57.3) is beyond ten times of that.
 TURNS_BY, OF_HEADING = 0.3, 10.0
-STRAIGHT_SHARE = 0.5  # mean speed of both sides over that of the faster, from which the middle moves about as they roll
 RADIAN_DEG = 180.0 / np.pi
-RPM_PER_RAD_S = 30.0 / np.pi
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,16 @@ def in_another_unit(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fo
     speed, turn = (_common([getattr(item, name) for item in paces]) for name in ("speed", "yaw"))
     if not np.isfinite(speed):
         return []
-    times_of_turn = turn / TURNS_BY
-    heading_is_off, only_speed_is_off = _beyond(times_of_turn), _beyond(times_of_turn / speed)
-    if not _is_far(speed) and heading_is_off:
+    times_of_turn, speed_is_far = turn / TURNS_BY, is_far(speed, FAR)
+    heading_is_off, only_speed_is_off = (is_far(times, OF_HEADING) for times in (times_of_turn, times_of_turn / speed))
+    if not speed_is_far and heading_is_off:
         unit = "degrees" if times_of_turn > 1 else "radians"
         seen = f"turns {_number(turn)} times as fast as commanded, as if its headings were in {unit}"
         remedy = "name their column after their unit, heading_deg or heading_rad"
-    elif _is_far(speed) and only_speed_is_off:
+    elif speed_is_far and only_speed_is_off:
         seen = _seen(speed, "positions", {"in mm": 1000.0, "in cm": 100.0, "in m and not in mm": 1e-3})
         remedy = "name their columns after their unit, x_mm or x_m"
-    elif _is_far(speed) and any_full_size(robots):  # of smaller ones a simulation tells more
+    elif speed_is_far and any_full_size(robots):  # of smaller ones a simulation tells more
         commands = {
             "in rad/s": RPM_PER_RAD_S,
             "in rpm and not in rad/s": 1 / RPM_PER_RAD_S,
@@ -88,14 +88,6 @@ def _number(times: float) -> str:
     return f"{times:.0f}" if times >= 10 else f"{times:.2g}"
 
 
-def _beyond(times: float) -> bool:
-    return bool(np.isfinite(times) and abs(np.log(times)) > np.log(OF_HEADING))
-
-
-def _is_far(times: float) -> bool:
-    return bool(abs(np.log(times)) > np.log(FAR))
-
-
 def _common(values: Sequence[float]) -> float:
     """The factor that most of the runs that show one share; NaN if there is none."""
     seen = np.array([value for value in values if np.isfinite(value) and value > 0])
@@ -115,8 +107,7 @@ def _pace(run: RunData, robot: Robot) -> _Pace:
     found, gains = correlations(time_s, np.column_stack([middle_mm, heading_rad]), sides, DELAYS_S)
     best = int(found[1].argmax())
     yaw = float(gains[1, best]) / rolled_mm * robot.track_mm if found[1, best] > SHOWS else np.nan
-    half = max(AVERAGED_S, 2 * float(np.median(np.diff(time_s)))) / 2
-    times = np.arange(time_s[0] + half, time_s[-1] - half, half)
+    times, half = averaging_times(time_s)
     after, before = ([np.interp(times + way * half, time_s, part) for part in middle_mm.T] for way in (1, -1))
     speed = np.hypot(*np.subtract(after, before)) / (2 * half)
     left, right = sides(times)
