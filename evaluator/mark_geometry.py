@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from evaluator.errors import InputError
 from evaluator.marks import columns_of, mark_names
+from evaluator.rigid_fit import pose_jacobian
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -34,6 +35,16 @@ class MarkAtHeight(Protocol):
     def height_mm(self) -> float: ...  # noqa: D102
 
 
+class MarksKnownTo(Protocol):
+    """Standard uncertainties of a robot's marks, and whether its file states them."""
+
+    @property
+    def mark_position_mm(self) -> float: ...  # noqa: D102
+    @property
+    def mark_height_mm(self) -> float: ...  # noqa: D102
+    def states(self, key: str) -> bool: ...  # noqa: D102
+
+
 class RobotWithMarks(Protocol):
     """A robot as `MarkGeometry.of_robot` reads it, such as simulator.Robot."""
 
@@ -43,6 +54,8 @@ class RobotWithMarks(Protocol):
     def layout(self) -> Sequence[MarkAtHeight]: ...  # noqa: D102
     @property
     def points_mm(self) -> Mapping[str, Place]: ...  # noqa: D102
+    @property
+    def known_to(self) -> MarksKnownTo: ...  # noqa: D102
 
 
 @dataclass(frozen=True, init=False, eq=True)
@@ -51,16 +64,20 @@ class MarkGeometry:
 
     MarkGeometry({"front": (2, 0), "rear": (-2, 0)}, height_mm=6.5); with keywords as in [marks] of robot.toml,
     MarkGeometry(front_mm=(2, 0), rear_mm=(-2, 0)); or positions alone, MarkGeometry((2, 0), (-2, 0)), for the marks of
-    a table in its order. MarkGeometry.of_robot(robot) takes positions and height from a robot.
+    a table in its order. MarkGeometry.of_robot(robot) takes positions and height from a robot, with the standard
+    uncertainties that it states: place_sigma_mm of every mark along each axis, height_sigma_mm of all marks.
     """
 
     places_mm: Mapping[str, Place]
     height_mm: float | None = None
+    place_sigma_mm: float = 0.0
+    height_sigma_mm: float = 0.0
 
     def __init__(self, *places: Mapping[str, Place] | Place | float, **named: Place | float | None) -> None:
         """Refuse marks at one position (they determine no heading), and a robot without any. Raises InputError."""
         found: dict[str, Place] = {}
         height: Any = named.pop("height_mm", None)
+        sigmas = {key: float(named.pop(key, None) or 0.0) for key in ("place_sigma_mm", "height_sigma_mm")}  # type: ignore[arg-type]
         for item in places:
             if isinstance(item, Mapping):
                 found |= {str(name): _place(place) for name, place in item.items()}
@@ -78,11 +95,19 @@ class MarkGeometry:
                 )
         object.__setattr__(self, "places_mm", found)
         object.__setattr__(self, "height_mm", height)
+        for key, sigma in sigmas.items():
+            object.__setattr__(self, key, sigma)
 
     @staticmethod
     def of_robot(robot: RobotWithMarks) -> MarkGeometry:
         """Positions and height of the marks of a robot. Raises InputError if they are at different heights."""
-        return MarkGeometry(robot.points_mm, height_mm=equal_height_mm(robot.layout, robot.name))
+        known = robot.known_to
+        place, height = (
+            getattr(known, key) if known.states(key) else 0.0 for key in ("mark_position_mm", "mark_height_mm")
+        )
+        return MarkGeometry(robot.points_mm, height_mm=equal_height_mm(robot.layout, robot.name)).with_sigmas(
+            place, height
+        )
 
     def __getattr__(self, name: str) -> Place:
         """Positions by the keys of [marks], NAME_mm."""
@@ -113,18 +138,20 @@ class MarkGeometry:
         """Largest distance between two marks; NaN for a single one."""
         return self._apart(*self.farthest_pair()) if len(self.places_mm) > 1 else float("nan")
 
-    def center_sigma_mm(self, along_rad: float, place_sigma_mm: float) -> float:
-        """Standard uncertainty of the robot's centre in a direction of the body frame, if the places of the marks err.
+    def pose_shifts(self) -> Array:
+        """Shifts (k, 3) of centre and heading, body frame, by one standard deviation of each coordinate of each mark.
 
-        place_sigma_mm: of each mark, along each axis. The centre follows from a rigid fit: the mean of the marks, and a
-        rotation times its distance from them. A radius is uncertain by this in the direction of the centre of rotation.
+        They are those of the rigid fit (pose_jacobian). The corners of a tag are displaced together.
         """
-        places = self.places()
-        middle = places.mean(axis=0)
-        square = float(((places - middle) ** 2).sum())
-        lever = -middle[1] * np.cos(along_rad) + middle[0] * np.sin(along_rad)
-        of_turn = lever**2 / square if square else 0.0
-        return place_sigma_mm * float(np.sqrt(1 / len(places) + of_turn))
+        if not self.place_sigma_mm:
+            return np.zeros((0, 3))
+        places, owners = self.places(), [name.split(CORNER)[0] for name in self.places_mm]
+        if len(places) == 1:
+            by_point = np.array([[[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]])
+        else:
+            by_point = pose_jacobian(places[None], np.zeros(1), places, np.ones(len(places)))[0]
+        marks = [by_point[[owner == mark for owner in owners]].sum(axis=0) for mark in dict.fromkeys(owners)]
+        return self.place_sigma_mm * np.concatenate(marks, axis=1).T
 
     @property
     def axes_mm(self) -> tuple[float, float]:
@@ -134,7 +161,7 @@ class MarkGeometry:
     def only(self, names: Iterable[str]) -> MarkGeometry:
         """Some of the marks, in the order of the robot."""
         chosen = set(names)
-        return MarkGeometry({n: p for n, p in self.places_mm.items() if n in chosen}, height_mm=self.height_mm)
+        return self._at({name: place for name, place in self.places_mm.items() if name in chosen})
 
     def seen_in(self, table: pd.DataFrame) -> MarkGeometry:
         """The marks that a table contains, all if it has too few for a pose. Unnamed positions get their names."""
@@ -143,9 +170,23 @@ class MarkGeometry:
             if len(names) < len(self.places_mm):
                 names = mark_names(table, "px")[: len(self.places_mm)]
             if len(names) == len(self.places_mm):
-                return MarkGeometry(dict(zip(names, self.places_mm.values(), strict=True)), height_mm=self.height_mm)
+                return self._at(dict(zip(names, self.places_mm.values(), strict=True)))
         there = [name for name in self.places_mm if set(columns_of([name])) <= set(table)]
         return self.only(there) if 2 <= len(there) < len(self.places_mm) else self
+
+    def with_sigmas(self, place_sigma_mm: float = 0.0, height_sigma_mm: float = 0.0) -> MarkGeometry:
+        """The same marks with other standard uncertainties of their positions and height."""
+        return MarkGeometry(
+            self.places_mm,
+            height_mm=self.height_mm,
+            place_sigma_mm=place_sigma_mm,
+            height_sigma_mm=height_sigma_mm,
+        )
+
+    def _at(self, places_mm: Mapping[str, Place]) -> MarkGeometry:
+        """Marks at other places, known as well as these."""
+        moved = MarkGeometry(places_mm, height_mm=self.height_mm)
+        return moved.with_sigmas(self.place_sigma_mm, self.height_sigma_mm)
 
     def _apart(self, first: str, second: str) -> float:
         one, other = self.places_mm[first], self.places_mm[second]

@@ -158,7 +158,9 @@ def poses_from_marks(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera
                 "MarkGeometry(…, height_mm=…)"
             )
         by_name = {name: points[:, k] for k, name in enumerate(names)}
-        systematic = systematic_shifts(marks, by_name, jacobian, pose[:, 2], covariances, geometry.height_mm, camera)
+        systematic = systematic_shifts(
+            *(marks, by_name, jacobian, pose[:, 2], covariances, geometry.height_mm, camera, geometry.height_sigma_mm)
+        )
     return Poses(
         time_s=time,
         x_mm=pose[:, 0],

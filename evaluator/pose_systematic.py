@@ -36,16 +36,19 @@ def systematic_shifts(
     covariances: Array,
     height_mm: float,
     camera: Camera,
+    height_sigma_mm: float = 0.0,
 ) -> Array:
     """Shifts (n, 3, k) of the poses by one standard deviation of each of k independent errors common to all frames.
 
     points_mm: of every mark, (n, 2) each. jacobian: (n, m, 3, 2), derivative of the pose by each mark, 0 for marks that
     are not visible. covariances: (n, m, 2, 2) of the marks, mm². Marks without image columns have errors of the camera
-    only.
+    and of the height only.
     """
-    by_camera = np.nan_to_num(camera_shifts(marks, points_mm, height_mm, camera))
-    count = len(points_mm)
-    result = sum((jacobian[:, k] @ by_camera[:, k] for k in range(1, count)), jacobian[:, 0] @ by_camera[:, 0])
+    count, by_plane = len(points_mm), [camera_shifts(marks, points_mm, height_mm, camera)]
+    if height_sigma_mm:
+        by_plane.append(_height_shifts(marks, points_mm, height_mm, height_sigma_mm, camera))
+    of_marks = np.nan_to_num(np.concatenate(by_plane, axis=3))
+    result = sum((jacobian[:, k] @ of_marks[:, k] for k in range(1, count)), jacobian[:, 0] @ of_marks[:, 0])
     if not all(f"{name}_x_px" in marks for name in points_mm):
         return np.asarray(result)
     common = common_error_mm(marks, points_mm, covariances)
@@ -71,6 +74,17 @@ def camera_shifts(marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: f
         ],
         axis=1,
     )
+
+
+def _height_shifts(
+    marks: pd.DataFrame, points_mm: dict[str, Array], height_mm: float, sigma_mm: float, camera: Camera
+) -> Array:
+    """Shifts (n, m, 2, 1) of the marks by one standard deviation of their height above the plate, mm."""
+    moved = []
+    for name, points in points_mm.items():
+        image = _image_points(marks, name, points, height_mm, camera)
+        moved.append(camera.plate_from_image(image, height_mm + sigma_mm) - camera.plate_from_image(image, height_mm))
+    return np.stack(moved, axis=1)[..., None]
 
 
 def common_error_mm(marks: pd.DataFrame, points_mm: dict[str, Array], covariances: Array) -> float:

@@ -19,6 +19,7 @@ from evaluator.interchange.tracks import Tracks
 from evaluator.wording import counted
 from simulator.files.named import named_in
 from simulator.mark_layout import Mark, Marks, checked_layout
+from simulator.nominal_robot import KnownTo as RobotKnownTo
 from simulator.robot import Robot, shipped_robot_text, shipped_robots
 
 if TYPE_CHECKING:
@@ -246,9 +247,9 @@ def load_experiment(path: Path | str) -> Experiment:
 
 
 class MeasuredRobot(BaseModel):
-    """The part of robot.toml that measurement reads; the simulator checks the rest."""
+    """The part of robot.toml that measurement reads; the simulator checks the rest, except for unknown tables."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = "robot"
     marks: Marks | None = None
@@ -256,6 +257,12 @@ class MeasuredRobot(BaseModel):
     body: dict[str, Any] = Field(default_factory=dict)
     wheels: dict[str, Any] = Field(default_factory=dict)
     wheel: tuple[dict[str, Any], ...] = ()
+    known_to: RobotKnownTo = RobotKnownTo()
+    format: Any = None
+    magnetic_attraction: Any = None
+    slip: Any = None
+    tolerance: Any = None
+    effect: Any = None
 
     @model_validator(mode="after")
     def _has_marks(self) -> Self:

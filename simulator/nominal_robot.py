@@ -113,9 +113,13 @@ class KnownTo(Table):
     track_mm: NotNegative | None = None  # default 0.02 mm
     mass_g: NotNegative | None = None  # default 2 %
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
-    mark_height_mm: NotNegative = 0.1  # of all marks; for the uncertainty budget of the report
+    mark_height_mm: NotNegative = 0.1  # of all marks; for the intervals of the turning radius
     center_of_gravity_mm: NotNegative = 0.1  # along each axis
     plate_level_deg: NotNegative = 0.3  # along each axis of the plate
+
+    def states(self, key: str) -> bool:
+        """Whether the file states a value, in place of the default."""
+        return key in self.model_fields_set
 
 
 class NominalRobot(Table):

@@ -76,7 +76,9 @@ def read_table(path: Path) -> pd.DataFrame:
         table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal, skiprows=before)
     except UnicodeDecodeError as error:
         raise SimulationError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+    except pd.errors.EmptyDataError as error:
+        raise SimulationError(f"{path}: the file is empty") from error
+    except pd.errors.ParserError as error:
         raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
     filled = table.notna().any(axis=1).to_numpy().nonzero()[0]
     used = table.iloc[: filled[-1] + 1 if len(filled) else 0]

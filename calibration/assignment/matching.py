@@ -100,7 +100,8 @@ def _mirrored(gauge: Gauge) -> str:
     if gauge.fiducial:
         return (
             "the image is mirrored: the fiducials of the gauge fit only the mirrored array; "
-            "turn the plate over, or undo the mirroring of the image"
+            "turn the plate over, or undo the mirroring of the image; if it is not mirrored, count its rows and "
+            "columns and set them in gauge.toml"
         )
     other = "even" if gauge.dots.shifted_rows == "odd" else "odd"
     return (

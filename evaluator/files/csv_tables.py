@@ -47,7 +47,9 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
         table = pd.read_csv(path, skipinitialspace=True, **dialect, **options)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+    except pd.errors.EmptyDataError as error:
+        raise InputError(f"{path}: the file is empty") from error
+    except pd.errors.ParserError as error:
         raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
     used = _without_empty_end(table)
     if dialect["decimal"] == ",":  # pandas leaves a column with a word in it as it is

@@ -66,10 +66,15 @@ def _text_of(path: Path) -> str:
         return ""
 
 
+TABLE_HEAD = re.compile(r"[\w\" ]+([,;\t][\w\" ]+)+\r?\n")  # names of columns: no line of TOML is like it
+
+
 def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
     """Why a text is not TOML, with the remedy for what editors and locales do to numbers and to the first character."""
     if text.startswith("\ufeff"):
         return "it begins with a byte order mark; save it as UTF-8 without BOM"
+    if TABLE_HEAD.match(text):
+        return "it is a table; give a file of settings, such as experiment.toml"
     place = re.search(r"line (\d+), column (\d+)", str(error))
     if place is None:
         return str(error)
@@ -103,11 +108,13 @@ def in_words(kind: str, message: str) -> str:
 def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
     """All faults of a file in one sentence, with the nearest valid key for each unknown one.
 
-    load: the function that raised; its return annotation names the model whose keys are valid.
+    load: the function that raised; its return annotation names the model whose keys are valid, or several of which the
+    error names one.
     """
     model = load.__annotations__.get("return")
     if isinstance(model, str):
-        model = getattr(load, "__globals__", {}).get(model)
+        names = model.split(" | ")
+        model = getattr(load, "__globals__", {}).get(error.title if error.title in names else names[0])
     items = error.errors()
     reported = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
     faults = [

@@ -168,10 +168,15 @@ def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
 
 
 def _by_places_mm(robot: Robot, row: dict[str, Any]) -> float:
-    """Standard uncertainty of the radius from the places of the marks: along the line to the centre of rotation."""
-    slip = np.nan_to_num(row.get("body_slip_angle_deg") or 0.0)
-    towards = np.radians(90.0 + slip)
-    return MarkGeometry(robot.points_mm).center_sigma_mm(float(towards), robot.known_to.mark_position_mm)
+    """Standard uncertainty of the radius from the places of the marks, if robot.toml does not state it; else 0.
+
+    It is that along the line to the centre of rotation.
+    """
+    if robot.known_to.states("mark_position_mm"):
+        return 0.0  # it is in the interval
+    towards = np.radians(90.0 + np.nan_to_num(row.get("body_slip_angle_deg") or 0.0))
+    shifts = MarkGeometry(robot.points_mm).with_sigmas(robot.known_to.mark_position_mm).pose_shifts()
+    return float(np.linalg.norm(shifts[:, :2] @ [np.cos(towards), np.sin(towards)]))
 
 
 def _of_mark(row: dict[str, Any], mark: str) -> dict[str, Any]:

@@ -171,8 +171,8 @@ def places_sentence(runs: Sequence[RunView]) -> str:
     if not added:
         return ""
     return (
-        "The intervals take the marks to be where robot.toml says; the tolerance of their positions adds "
-        f"{added} (95 %, run {tightest(turning).id})."
+        "The intervals take the marks to be where robot.toml says; a usual error of their positions adds "
+        f"{added} (95 %, run {tightest(turning).id}): state yours in robot.toml, [known_to] mark_position_mm."
     )
 
 

@@ -63,7 +63,7 @@ POOLED: Columns = {
     "radius_mm, radius_low_mm, radius_high_mm": "mean radius; its 95 % interval includes the three that follow",
     "radius_between_mm": "standard deviation from run to run, measurement uncertainty subtracted",
     "radius_within_mm": "standard uncertainty of a single run from noise",
-    "radius_systematic_mm": "standard uncertainty that all runs share, from the camera",
+    "radius_systematic_mm": "standard uncertainty that all runs share, from the camera and the marks on the robot",
     "p_same": "probability that the runs scatter as much if their radii are equal",
     "curvature_per_mm, curvature_low_per_mm, curvature_high_per_mm": "mean curvature with its 95 % interval",
     "speed_mm_s, path_efficiency, smoothness": "means, as in turning.csv",

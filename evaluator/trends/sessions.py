@@ -119,8 +119,13 @@ def _quantities(rows: pd.DataFrame, *, straight: bool) -> list[tuple[str, Array,
 
 
 def _relative_systematic(rows: pd.DataFrame) -> float:
-    """Relative systematic uncertainty of a length: that of the radii, which holds for the speeds as well."""
-    share = (rows["radius_systematic_mm"] / rows["radius_mm"]).median()
+    """Relative uncertainty of a length by the camera: that of the radii, which holds for the speeds as well.
+
+    The places of the marks on the robot are the same in all sessions.
+    """
+    by_marks = rows.get("radius_by_marks_mm", 0.0)  # none in results of an earlier version
+    by_camera = np.sqrt(np.maximum(rows["radius_systematic_mm"] ** 2 - by_marks**2, 0.0))
+    share = (by_camera / rows["radius_mm"]).median()
     return float(share) if np.isfinite(share) else 0.0
 
 

@@ -1,12 +1,13 @@
 """Uncertainty budget of one run (GUM, JCGM 100:2008): what each source contributes to radius, speed and heading.
 
 Contributions are standard uncertainties; independent sources add in quadrature. Those of the measurement are in the
-interval of the radius. Errors of robot.toml and the clock are not: they are the same in every run of the robot.
+interval of the radius, and those of the marks on the robot that robot.toml states in [known_to]. Without a statement
+they are not, nor are errors of the clock: they are the same in every run of the robot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +36,7 @@ class Knowledge:
 class Contribution:
     """Standard uncertainties of radius, speed and heading of a frame from one source.
 
-    measured: whether it is part of the measurement and of the interval of the radius. NaN: unknown for this run.
+    measured: whether it is in the interval of the radius. NaN: unknown for this run.
     """
 
     source: str
@@ -53,7 +54,7 @@ class Budget:
     contributions: tuple[Contribution, ...]
 
     def combined(self, *, measured_only: bool) -> Contribution:
-        """Combined standard uncertainty; measured_only: of the measurement, without robot.toml and clock."""
+        """Combined standard uncertainty; measured_only: of what the interval of the radius contains."""
         chosen = [item for item in self.contributions if item.measured or not measured_only]
         radius, speed, heading = (
             _norm([getattr(item, name) for item in chosen]) for name in ("radius_mm", "speed_mm_s", "heading_deg")
@@ -70,29 +71,43 @@ def uncertainty_budget(
     start_s: float | None = None,
     stop_s: float | None = None,
 ) -> Budget:
-    """Uncertainty budget of a run, by measuring it again with one source changed at a time.
+    """Uncertainty budget of a run, by measuring it again with one source of uncertainty more at a time.
 
-    marks: a marks table. Sources that need a camera or columns in px are left out without these.
-    Raises InputError as poses_from_marks does.
+    marks: a marks table. geometry: with the uncertainties of its marks that are in the interval of the radius. Sources
+    that need a camera are left out without one. Raises InputError as poses_from_marks does.
     """
 
-    def measured(places: MarkGeometry, seen: pd.DataFrame, through: Camera | None) -> tuple[Poses, Turning]:
-        poses = poses_from_marks(seen, places, through)
+    def measured(places: MarkGeometry, through: Camera | None) -> tuple[Poses, Turning]:
+        poses = poses_from_marks(marks, places, through)
         return poses, measure_turning(poses, start_s, stop_s)
 
-    poses, turning = measured(geometry, marks, camera)
-    found = [_noise(poses, turning)]
+    exact, of_height = geometry.with_sigmas(), geometry.with_sigmas(0.0, known.mark_height_mm)
+    placed = geometry.with_sigmas(known.mark_position_mm, known.mark_height_mm if camera else 0.0)
+    steps: list[tuple[str, MarkGeometry, Camera | None, bool]] = []
     if camera is not None and geometry.height_mm is not None:
-        found += _of_camera(lambda through: measured(geometry, marks, through), camera)
-    moved = [measured(places, marks, camera) for places in _moved(geometry, known.mark_position_mm)]
-    found.append(_between("positions of the marks in robot.toml", (poses, turning), moved))
-    if camera is not None and geometry.height_mm is not None and _placed(marks, geometry):
-        higher = _at_height(marks, geometry, camera, geometry.height_mm + known.mark_height_mm)
-        changed = measured(geometry, higher, camera)
-        found.append(_between("height of the marks in robot.toml", (poses, turning), [changed]))
+        exact_pitch = camera.with_exact_pitch()
+        perfect = replace(exact_pitch, covariance=np.zeros_like(exact_pitch.covariance))
+        steps += [
+            ("marks, common to all frames", exact, perfect, True),
+            ("lens and plane, from the gauge images", exact, exact_pitch, True),
+            ("pitch of the gauge", exact, camera, True),
+            ("height of the marks in robot.toml", of_height, camera, geometry.height_sigma_mm > 0),
+        ]
+    steps.append(("positions of the marks in robot.toml", placed, camera, geometry.place_sigma_mm > 0))
+    found: list[Contribution] = []
+    before = np.zeros(3)
+    for source, places, through, in_interval in steps:
+        poses, turning = measured(places, through)
+        if not found:
+            found.append(_noise(poses, turning))
+        speed = turning.speed_sigma_mm_s**2 - turning.speed_random_mm_s**2
+        total = np.array([turning.radius_systematic_mm**2, speed, _common_heading_deg(poses) ** 2])
+        radius, speed, heading = np.sqrt(np.maximum(total - before, 0))
+        found.append(Contribution(source, float(radius), float(speed), float(heading), measured=in_interval))
+        before = total
     speed, radius = abs(turning.speed_mm_s) * known.time_base, 0.0 * turning.radius_mm
     found.append(Contribution("clock of the recording", radius, speed, 0.0, measured=False))
-    return Budget(turning, tuple(found))
+    return Budget(measured(geometry, camera)[1], tuple(found))
 
 
 def _noise(poses: Poses, turning: Turning) -> Contribution:
@@ -102,64 +117,15 @@ def _noise(poses: Poses, turning: Turning) -> Contribution:
     )
 
 
-def _of_camera(through: Callable[[Camera], tuple[Poses, Turning]], camera: Camera) -> list[Contribution]:
-    """Contributions of tracking errors common to all frames, of the gauge images, and of the gauge's pitch.
-
-    Each camera has one source of uncertainty less than the previous one; the contributions are the differences of the
-    squares.
-    """
-    exact = camera.with_exact_pitch()
-    perfect = replace(exact, covariance=np.zeros_like(exact.covariance))
-    names = ("marks, common to all frames", "lens and plane, from the gauge images", "pitch of the gauge")
-    found, before = [], np.zeros(3)
-    for name, one in zip(names, (perfect, exact, camera), strict=True):
-        poses, turning = through(one)
-        speed = turning.speed_sigma_mm_s**2 - turning.speed_random_mm_s**2
-        total = np.array([turning.radius_systematic_mm**2, speed, _common_heading_deg(poses) ** 2])
-        radius, speed, heading = np.sqrt(np.maximum(total - before, 0))
-        found.append(Contribution(name, float(radius), float(speed), float(heading)))
-        before = total
-    return found
-
-
 def _common_heading_deg(poses: Poses) -> float:
     """Standard uncertainty of a heading by errors common to all frames; root mean square over the frames."""
+    assert poses.geometry is not None  # poses of marks have one
+    by_places = float(np.linalg.norm(poses.geometry.pose_shifts()[:, 2]))
     if poses.systematic is None:
-        return 0.0
+        return float(np.degrees(by_places))
     shifts = poses.systematic[poses.measured, 2]
-    return float(np.degrees(np.sqrt((shifts**2).sum(axis=1).mean())))
-
-
-def _moved(geometry: MarkGeometry, sigma_mm: float) -> list[MarkGeometry]:
-    """Geometries with one coordinate of one mark changed by its uncertainty, for every coordinate and mark."""
-    return [
-        MarkGeometry({**geometry.places_mm, name: (x + dx, y + dy)}, height_mm=geometry.height_mm)
-        for name, (x, y) in geometry.places_mm.items()
-        for dx, dy in ((sigma_mm, 0.0), (0.0, sigma_mm))
-    ]
-
-
-def _between(source: str, here: tuple[Poses, Turning], changed: list[tuple[Poses, Turning]]) -> Contribution:
-    """Differences between changed measurements and the actual one, added in quadrature."""
-    poses, turning = here
-    radius = [other.radius_mm - turning.radius_mm for _, other in changed]
-    speed = [other.speed_mm_s - turning.speed_mm_s for _, other in changed]
-    heading = [np.degrees(np.nanmedian(other.heading_rad - poses.heading_rad)) for other, _ in changed]
-    return Contribution(source, _norm(radius), _norm(speed), _norm(heading), measured=False)
+    return float(np.degrees(np.hypot(by_places, np.sqrt((shifts**2).sum(axis=1).mean()))))
 
 
 def _norm(values: Sequence[float]) -> float:
     return float(np.linalg.norm(values))
-
-
-def _placed(marks: pd.DataFrame, geometry: MarkGeometry) -> bool:
-    return all(f"{name}_x_px" in marks for name in geometry.seen_in(marks).names)
-
-
-def _at_height(marks: pd.DataFrame, geometry: MarkGeometry, camera: Camera, height_mm: float) -> pd.DataFrame:
-    """The marks mapped to a plane of another height."""
-    result = marks.copy()
-    for name in geometry.seen_in(marks).names:
-        points = camera.plate_from_image(marks[[f"{name}_x_px", f"{name}_y_px"]].to_numpy(float), height_mm)
-        result[[f"{name}_x_mm", f"{name}_y_mm"]] = points
-    return result

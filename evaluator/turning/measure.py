@@ -65,6 +65,8 @@ def measure_turning(
     pose = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[there]
     systematic = None if poses.systematic is None else poses.systematic[there]
     scaled = scaled_poses(pose, poses.covariance[there], systematic)
+    if poses.geometry is not None:
+        scaled = replace(scaled, place_shifts=poses.geometry.pose_shifts())
     stretched = scaled.stretched_mm
     phases = find_phases(time, stretched, scaled.sigma_mm, start_s, stop_s)
     seen = replace(
@@ -140,10 +142,12 @@ def _commanded(time: Array, start_s: float | None, stop_s: float | None) -> NDAr
 
 
 def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
-    curvature = fit.curvature()
-    straight = straightness(fit)
-    radius = (NAN, NAN, NAN) if straight else sustained.tightest.radius_mm()
-    steady = (NAN, NAN, NAN) if straight else sustained.mean.radius_mm()
+    straight, by_places_mm = straightness(fit), fit.radius_by_places_mm()
+    curvature, tightest, mean = (
+        item.with_radius_error(by_places_mm) for item in (fit.curvature(), sustained.tightest, sustained.mean)
+    )
+    radius = (NAN, NAN, NAN) if straight else tightest.radius_mm()
+    steady = (NAN, NAN, NAN) if straight else mean.radius_mm()
     place = (NAN, NAN) if straight else fit.centers_mm(fit.averaged.mean()[None])[0]
     varies = variation(sustained)
     status = straight or varies or OK
@@ -155,8 +159,9 @@ def _with_radii(seen: Turning, fit: TurnFit, sustained: Sustained) -> Turning:
         radius_low_mm=radius[1],
         radius_high_mm=radius[2],
         radius_status=status,
-        radius_random_mm=radius[0] ** 2 * sustained.tightest.sigma,
-        radius_systematic_mm=radius[0] ** 2 * sustained.tightest.systematic,
+        radius_random_mm=radius[0] ** 2 * tightest.sigma,
+        radius_systematic_mm=radius[0] ** 2 * tightest.systematic,
+        radius_by_marks_mm=NAN if straight else by_places_mm,
         steady_radius_mm=steady[0],
         steady_radius_low_mm=steady[1],
         steady_radius_high_mm=steady[2],

@@ -180,7 +180,7 @@ def _measured(
     curvature = fit.curvature()
     if straightness(fit):
         return _Piece(first, stop, replace(phase, kind="straight"), curvature)
-    radius = curvature.radius_mm()
+    radius = curvature.with_radius_error(fit.radius_by_places_mm()).radius_mm()
     kind: Kind = "spot" if radius[0] < SPOT_SHARE * scaled.length_mm else "turn"
     phase = replace(phase, kind=kind, radius_mm=radius[0], radius_low_mm=radius[1], radius_high_mm=radius[2])
     return _Piece(first, stop, phase, curvature)

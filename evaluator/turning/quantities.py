@@ -109,9 +109,9 @@ def body_quantities(
 def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) -> tuple[Array, Array, Array]:
     """Values (k,) of quantities of the centre's velocity (v_x, v_y, yaw rate), (3,), with their standard uncertainties.
 
-    The first of these is from noise, (k,), the second from the camera, (k,). Noise along the path affects the rate, and
-    noise across it the direction, independently. An error of the camera affects both at once: one of scale makes the
-    speed wrong and the curvature inversely, but not the yaw rate.
+    The first of these is from noise, (k,), the second from camera and places of the marks, (k,). Noise along the path
+    affects the rate, and noise across it the direction, independently. An error of the camera affects both at once: one
+    of scale makes the speed wrong and the curvature inversely, but not the yaw rate.
     """
     delta, here = 1e-6, fit.averaged.mean()
 
@@ -126,8 +126,11 @@ def with_sigmas(quantities: Callable[[Array], Array], fit: TurnFit, rate: Rate) 
     gradient = np.stack([after - before for after, before in ends]) / (2 * delta)
     by_rate = (at(here, rate.value + delta) - at(here, rate.value - delta)) / (2 * delta)
     noise = np.einsum("pi,pq,qi->i", gradient, fit.averaged.spread(), gradient)
-    by_camera = fit.systematic.T @ gradient + np.outer(rate.systematic, by_rate)
-    return at(here, rate.value), np.sqrt(noise + (by_rate * rate.sigma) ** 2), np.linalg.norm(by_camera, axis=0)
+    value, by_camera = at(here, rate.value), fit.systematic.T @ gradient + np.outer(rate.systematic, by_rate)
+    twist = fit.body_twists(here[None], np.zeros(2))[0] * rate.value
+    by_places = np.array([quantities(moved) - value for moved in fit.displaced(twist)]).reshape(-1, len(value))
+    systematic = np.linalg.norm(np.concatenate([by_camera, by_places]), axis=0)
+    return value, np.sqrt(noise + (by_rate * rate.sigma) ** 2), systematic
 
 
 def _slips(twist: Array, shape: RobotShape | None, rpm: tuple[float | None, float | None]) -> dict[str, float]:

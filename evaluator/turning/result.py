@@ -23,17 +23,19 @@ class Turning:
     steady_radius_mm: of the steady turn as a whole. Both are NaN if the interval of the curvature includes a straight
     path. They are equal unless radius_varies; radius_variation is then the relative standard deviation of the curvature
     between quarter turns, noise subtracted. radius_random_mm, radius_systematic_mm: standard uncertainties from noise,
-    reduced by more frames, and from the camera, reduced by a better calibration only; the bounds include both.
+    reduced by more frames, and from the camera and the marks on the robot (robot.toml's known_to), reduced by better
+    knowledge of these only; the bounds include both. radius_by_marks_mm: the part of the latter from the places of the
+    marks, which sessions of one robot share.
 
-    Speeds are positive forward, yaw rate and curvature positive counter-clockwise; their sigmas include noise and
-    camera. speed_random_mm_s, yaw_rate_random_deg_s: from noise alone, for runs that share a camera.
+    Speeds are positive forward, yaw rate and curvature positive counter-clockwise; their sigmas include both
+    as well. speed_random_mm_s, yaw_rate_random_deg_s: from noise alone, for runs that share camera and robot.
     center_x_mm, center_y_mm: centre of the circle on the plate; center_wander_mm: its standard deviation between
     quarter turns, noise subtracted; rotation_x_mm, rotation_y_mm: its position in the body frame. Radii of the marks,
     of the outermost wheel and of the outermost corner (wall to wall) follow SAE J695.
 
     Slip ratio (u - r·phi')/max(|u|, |r·phi'|) and slip angle atan2(v, |u|) are those of the model. Their sigmas include
-    noise and camera, but not errors of the mark positions in robot.toml or of the commanded speed. other_wheels: the
-    same for further wheels and for driven rear wheels.
+    noise, camera and places of the marks, but not errors of the commanded speed. other_wheels: the same for further
+    wheels and for driven rear wheels.
 
     phases: motions of the run in order of time; a run with several motions has no radius and no speed. paths: for a
     robot with a single mark, path radius, bounds and speed of that mark. path_efficiency, speed_ripple, smoothness: see
@@ -46,6 +48,7 @@ class Turning:
     radius_status: str = "ok"
     radius_random_mm: float = NAN
     radius_systematic_mm: float = NAN
+    radius_by_marks_mm: float = NAN
     steady_radius_mm: float = NAN
     steady_radius_low_mm: float = NAN
     steady_radius_high_mm: float = NAN

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from evaluator.workflow.runs.mistakes import all_given_marks, mistakes_of_marks
 
 if TYPE_CHECKING:
     from evaluator.interchange.tracker_faults import Mended
@@ -62,8 +63,7 @@ class Written:
 class Check:
     """Result of a check: faults that prevent an analysis, probable mistakes, number of runs and videos.
 
-    unseen: runs without a video whose motion was not compared with their commands: those of poses and of the marks of
-    other programs, which the analysis reads first.
+    unseen: runs without a video whose motion could not be compared with their commands.
     """
 
     faults: tuple[str, ...]
@@ -92,9 +92,10 @@ def check_experiment(path: Path) -> Check:
     mistakes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     if experiment is not None and not faults:
-        given = given_marks(experiment)
+        with TemporaryDirectory() as folder:
+            given = all_given_marks(experiment, Path(folder))
+            found = mistakes_of_marks(experiment, given, marks)
         unseen = tuple(run.id for run in runs if run.video is None and run.id not in given and run.source.exists())
-        found = mistakes_of_marks(experiment, given, marks)
         doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))
         mistakes = (*doubts, *(item.sentence for item in found))
     videos = sum(run.video is not None for run in runs)

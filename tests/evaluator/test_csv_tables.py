@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evaluator.errors import InputError
 from evaluator.files import csv_tables as module
+from evaluator.files import read_with
 from evaluator.files.csv_tables import csv_text, read_runs, write_table
+from evaluator.settings import load_measured
 from simulator import units
 
 
@@ -110,3 +113,17 @@ def test_a_table_in_another_encoding_says_how_to_save_it(
     with pytest.raises(ValueError, match=r"save it as CSV UTF-8$") as error:
         read(tmp_path / "t.csv")
     assert str(error.value) == f"{tmp_path / 't.csv'}: {said}; save it as CSV UTF-8"
+
+
+@pytest.mark.parametrize("read", [module.read_table, units.read_table])
+def test_an_empty_file_is_told_as_such(read: Callable[[Path], pd.DataFrame], tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("")
+    with pytest.raises(ValueError, match=r"t.csv: the file is empty$"):
+        read(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("head", ["time_s,x_mm", '"time_s";"x_mm"', "time_s\tx_mm\r"])
+def test_a_table_in_place_of_settings_is_told_as_such(head: str, tmp_path: Path) -> None:
+    (tmp_path / "r01.csv").write_text(f"{head}\n0,1\n")
+    with pytest.raises(InputError, match=r"r01.csv: not valid TOML: it is a table; give a file of settings, such as"):
+        read_with(load_measured, tmp_path / "r01.csv")

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from evaluator.errors import InputError
+from evaluator.files import read_with
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.robot_geometry import RobotGeometry, read_geometry, reference_line, robot_shape, sought
-from evaluator.settings import load_measured
+from evaluator.settings import MeasuredRobot, load_any_robot, load_measured
 from evaluator.tracking import settings
 from simulator import mark_layout
 from simulator.mark_layout import Mark
-from simulator.robot import load_robot
+from simulator.robot import Robot, load_robot
 from simulator.units import in_standard_units
 
 
@@ -27,6 +28,17 @@ def test_measurement_reads_the_shape_that_the_simulator_has(name: str) -> None:
     shape = read_geometry(Path(name)).shape
     assert shape is not None
     assert shape == robot_shape(load_robot(name)) == robot_shape(load_measured(Path(name)))
+
+
+def test_a_robot_that_is_only_measured_may_have_any_table_of_a_robot_but_no_misspelt_one(tmp_path: Path) -> None:
+    """With [slipp], a robot passed `check` as one without a slip law, and the diagnosis refused it."""
+    assert set(MeasuredRobot.model_fields) >= set(Robot.model_fields)
+    file = tmp_path / "robot.toml"
+    file.write_text('name = "mine"\n[marks]\ngreen_mm = [1, 0]\n[known_to]\nmark_position_mm = 0.02\n')
+    assert read_with(load_any_robot, file).known_to.mark_position_mm == 0.02
+    file.write_text(file.read_text() + "[slipp]\nlateral_friction = 0.3\n")
+    with pytest.raises(InputError, match=r"robot.toml: unknown key slipp; did you mean slip\?$"):
+        read_with(load_any_robot, file)
 
 
 @pytest.mark.parametrize(

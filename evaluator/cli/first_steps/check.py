@@ -39,8 +39,8 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
             click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {videos}")
         if found.unseen and not quiet:
             click.echo(
-                f"the motion of {named_runs(found.unseen)} was not compared with commands here (poses, or marks of "
-                "another program); turnscope analyze does so",
+                f"the motion of {named_runs(found.unseen)} could not be compared with commands; "
+                "turnscope analyze says why",
                 err=True,
             )
     if mend and not found.faults:

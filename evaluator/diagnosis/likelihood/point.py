@@ -86,10 +86,11 @@ class Point:
     def moved(self, column: Column, amount: float) -> Point:
         """The point with one common parameter changed by amount, or to column.to if given."""
         if column.term is None:
-            return replace(self, nominal={**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount})
+            nominal = {**self.nominal, column.key: self.nominal.get(column.key, 0.0) + amount}
+            return Point(self.per_run, nominal, self.terms)
         values = list(column.to or self.terms.get(column.key, column.start or column.term.absent))
         values[column.coordinate] += 0.0 if column.to else amount
-        return replace(self, terms={**self.terms, column.key: tuple(values)})
+        return Point(self.per_run, self.nominal, {**self.terms, column.key: tuple(values)})
 
     def beside(self, columns: Sequence[Column], way: float) -> Point:
         """The point with all these parameters changed by one step of their derivatives, ahead (1) or back (-1)."""

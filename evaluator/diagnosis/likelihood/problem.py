@@ -183,9 +183,10 @@ class Problem:
         doubtful = (
             self._jumping(views, steps) if self.open_ground else self._bending(point, columns, runs, views, steps)
         )
-        amounts = {i: _amount_beside(points[before[i]], columns[i]) for _, i in doubtful}
+        amounts = {i: _amount_beside(points[before[i]], columns[i]) for i in {i for _, i in doubtful}}
         able = [(number, i) for number, i in doubtful if self.open_ground or amounts[i] < 0]
-        beside = [points[before[i]].moved(columns[i], amounts[i]).task(runs[number]) for number, i in able]
+        places = {i: points[before[i]].moved(columns[i], amounts[i]) for i in {i for _, i in able}}
+        beside = [places[i].task(runs[number]) for number, i in able]
         slopes: dict[tuple[int, int], Floats] = {}
         for (number, i), item in zip(able, self.features(beside), strict=True):
             here, view = features[number][before[i]], views[number]

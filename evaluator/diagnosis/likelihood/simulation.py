@@ -8,7 +8,6 @@ has the steady velocity of its commands in its first frame.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -118,17 +117,18 @@ class Simulated:
         """
         if not items:
             return []
-        times = self._true_times(items)
+        late_s = self._late_s([task for task, _ in items])
+        times = self._true_times(items, late_s)
         begins = [variant.begin(task.per_run[:START_POSE]) for task, variant in items]
 
         def of_a_kind(numbers: Sequence[int], *, ripples: bool) -> list[Floats]:
             asked, variants = zip(*(items[n] for n in numbers), strict=True)
-            moved = [
-                replace(task, per_run=(*begins[n], *task.per_run[START_POSE:]))
-                for n, task in zip(numbers, asked, strict=True)
-            ]
+            per_run = np.array([(*begins[n], *items[n][0].per_run[START_POSE:]) for n in numbers])
+            runs, late = [task.run for task in asked], [late_s[n] for n in numbers]
             edges = np.cumsum([0, *(len(times[n]) for n in numbers)])
-            states = self._states(moved, variants, np.concatenate([times[n] for n in numbers]), edges, ripples=ripples)
+            states = self._states(
+                runs, variants, per_run, late, np.concatenate([times[n] for n in numbers]), edges, ripples=ripples
+            )
             return [states[begin + 1 : end] for begin, end in pairwise(edges)]  # the first of each is its start
 
         def simulated(numbers: Sequence[int]) -> list[Floats]:
@@ -140,8 +140,8 @@ class Simulated:
             return [found[n] for n in numbers]
 
         keys = [
-            (begin, task.per_run[START_POSE:], self._late_s(task), id(variant.record), variant.view.time_factor)
-            for begin, (task, variant) in zip(begins, items, strict=True)
+            (begin, task.per_run[START_POSE:], late, id(variant.record), variant.view.time_factor)
+            for begin, late, (task, variant) in zip(begins, late_s, items, strict=True)
         ]
         records = [variant.record for _, variant in items]
         paths = self._paths.of([task.run for task, _ in items], keys, records, simulated)
@@ -149,24 +149,28 @@ class Simulated:
 
     def _states(
         self,
-        tasks: Sequence[Task],
+        runs: Sequence[int],
         variants: Sequence[Variant],
+        per_run: Floats,
+        late_s: Sequence[float],
         times_s: Floats,
         edges: NDArray[np.int64],
         *,
         ripples: bool,
     ) -> Floats:
-        """States (edges[-1], 6) of all tasks, stacked; ripples: whether the speed of their wheels does."""
+        """States (edges[-1], 6) of simulations of runs, stacked.
+
+        per_run: (n, 7) as in Task. late_s: of their motors. ripples: whether the speed of their wheels does.
+        """
         tolerance_mm = max(self._tolerance_mm, RIPPLE_TOLERANCE_MM) if ripples else self._tolerance_mm
         most_steps = MOST_STEPS + int(ripples * STEPS_OF_A_TURN * self._most_turns)
-        count = len(tasks)
-        per_run = np.array([task.per_run for task in tasks])
+        count = len(runs)
         models = np.array([variant.record for variant in variants]).view(model_type(self._variants.slots))[:, 0]
         _with_friction(models, per_run)
         states = np.zeros((count, 6))
         states[:, :3] = per_run[:, :3]
-        knots, knot_edges = self._commands(tasks, per_run, [variant.view.time_factor for variant in variants])
-        moving = np.flatnonzero(~self._from_rest[[task.run for task in tasks]])
+        knots, knot_edges = self._commands(runs, per_run, [variant.view.time_factor for variant in variants], late_s)
+        moving = np.flatnonzero(~self._from_rest[runs])
         if len(moving):
             begin = times_s[edges[:-1]][moving]
             run_in = np.column_stack([begin - RUN_IN_S, begin]).ravel()
@@ -180,35 +184,36 @@ class Simulated:
         return _integrated(models, knots, knot_edges, states, times_s, edges, chosen, tolerance_mm, most_steps)
 
     def _commands(
-        self, tasks: Sequence[Task], per_run: Floats, time_factors: Sequence[float]
+        self, runs: Sequence[int], per_run: Floats, time_factors: Sequence[float], late_s: Sequence[float]
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """Stacked commands of all tasks in true time, multiplied by the gains of each run, and their edges."""
-        parts = [self._knots[task.run] for task in tasks]
+        """Stacked commands of runs in true time, multiplied by the gains of each, and their edges."""
+        parts = [self._knots[run] for run in runs]
         sizes = [len(part) for part in parts]
         knots = np.concatenate(parts)
         knots[:, 1:] *= np.repeat(1 + per_run[:, 4:6], sizes, axis=0)
-        moved = [self._true_clock(task, factor) for task, factor in zip(tasks, time_factors, strict=True)]
+        moved = [
+            self._data[run].run_command.true_clock(factor, late)
+            for run, factor, late in zip(runs, time_factors, late_s, strict=True)
+        ]
         later_s, times = (np.repeat(part, sizes) for part in np.array(moved).T)
         knots[:, 0] = (knots[:, 0] + later_s) * times
         return knots, np.cumsum([0, *sizes])
 
-    def _true_clock(self, task: Task, time_factor: float) -> tuple[float, float]:
-        """RunCommand.true_clock of a task."""
-        return self._data[task.run].run_command.true_clock(time_factor, self._late_s(task))
+    def _late_s(self, tasks: Sequence[Task]) -> list[float]:
+        """Delay of the start of the motors of tasks, in the time of the recording."""
+        points = {id(task.nominal): task.nominal for task in tasks}  # which many tasks share
+        common = {point: amount_of(nominal, START, self.known) for point, nominal in points.items()}
+        return [task.per_run[6] * self.start_sigma_s + common[id(task.nominal)] for task in tasks]
 
-    def _late_s(self, task: Task) -> float:
-        """Delay of the start of the motors of a task, in the time of the recording."""
-        return task.per_run[6] * self.start_sigma_s + amount_of(task.nominal, START, self.known)
-
-    def _true_times(self, items: Sequence[tuple[Task, Variant]]) -> list[Floats]:
+    def _true_times(self, items: Sequence[tuple[Task, Variant]], late_s: Sequence[float]) -> list[Floats]:
         """True times of the start of the simulation and of the frames; measured times are true ones times a factor."""
         known: dict[tuple[int, float, float], Floats] = {}
         result = []
-        for task, variant in items:
-            key = task.run, variant.view.time_factor, self._late_s(task)
+        for (task, variant), late in zip(items, late_s, strict=True):
+            key = task.run, variant.view.time_factor, late
             if key not in known:
                 run = self._data[task.run]
-                later_s, times = self._true_clock(task, key[1])
+                later_s, times = run.run_command.true_clock(key[1], late)
                 frames_s = run.time_s / key[1]
                 begin_s = min(frames_s[0], (run.start_s + later_s) * times)
                 known[key] = np.concatenate([[begin_s - 1e-3], frames_s])

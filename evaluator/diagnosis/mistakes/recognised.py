@@ -48,7 +48,9 @@ MOST = 0.8  # share of the runs above which a mistake concerns the session and i
 class Correction:
     """Changes to the files of a run; fields that are not given change nothing.
 
-    command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. later_s:
+    command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. wheels:
+    what is done to a log by that, if it holds for all of it: factor of its speeds, and whether its sides are exchanged.
+    later_s:
     added to start_s. seconds_times: factor of its times. lost_s: times of the file from which on frames
     were lost, and for how long, s. marks_exchanged: the first mark is the second. marks_times:
     factors of the x and y of its marks.
@@ -56,6 +58,7 @@ class Correction:
 
     command: tuple[float, float] | None = None
     log: RunCommand | None = None
+    wheels: tuple[float, bool] | None = None
     later_s: float = 0.0
     seconds_times: float = 1.0
     lost_s: tuple[tuple[float, float], ...] = ()

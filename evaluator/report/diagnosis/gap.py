@@ -67,17 +67,21 @@ def predicted_sentence(content: Json) -> str:
     )
     changes = "changes" if parts[0].startswith("from") else "is"
     how = "Predicted from the start poses alone, with nothing fitted to single runs"
-    return f"{how}, the distance {changes} {' and '.join(parts)}. {common}{_no_finding(content, predicted)}{without}"
+    worse = (
+        " The nominal values of the robot that were adjusted within their tolerances are no finding: held-out runs are "
+        "predicted worse with them."
+    )
+    doubt = worse if predicts_worse(content) else ""
+    return f"{how}, the distance {changes} {' and '.join(parts)}. {common}{doubt}{without}"
 
 
-def _no_finding(content: Json, predicted: Json) -> str:
-    """That adjusted values which predict held-out runs worse are no finding; empty elsewhere, or if they do not."""
-    before, after = (predicted.get(side, {}).get("held_out") for side in ("before", "after"))
+def predicts_worse(content: Json) -> bool:
+    """Whether nothing is missing, but adjusted values predict held-out runs worse, by more than noise."""
+    gap = content.get("gap") or {}
+    before, after = ((gap.get("predicted") or {}).get(side, {}).get("held_out") for side in ("before", "after"))
     if content.get("verdict") != "none" or before is None or after is None:
-        return ""
-    if after <= before + content["gap"].get("noise_floor", 0.0):
-        return ""
-    return " The values adjusted within their tolerances are no finding: held-out runs are predicted worse with them."
+        return False
+    return bool(after > before + gap.get("noise_floor", 0.0))
 
 
 def scatter_sentence(content: Json) -> str:

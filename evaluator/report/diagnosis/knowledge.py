@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from evaluator.report.diagnosis.gap import predicts_worse
 from evaluator.report.diagnosis.values import value_text, with_interval
 from evaluator.report.diagnosis.words import as_sentence, effect_words
 from evaluator.report.numbers import UNKNOWN, number
@@ -26,9 +27,14 @@ def finding_sentences(content: Json) -> list[str]:
 
 
 def preferred_sentence(content: Json) -> str:
-    """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any."""
-    parts = []
-    for item in sorted(content.get("known_to") or [], key=_tolerances, reverse=True):
+    """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any.
+
+    Nominal values of the robot are left out if they are no finding (see predicted_sentence).
+    """
+    parts, known = [], content.get("known_to") or []
+    if predicts_worse(content):
+        known = [item for item in known if "." not in item["quantity"]]
+    for item in sorted(known, key=_tolerances, reverse=True):
         if item.get("low") is not None and item["low"] * item["high"] > 0:
             found, low, high = _found(item)
             far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""

@@ -23,10 +23,10 @@ def budget_section(run: RunView, budget: Budget) -> Section:
     everything = budget.combined(measured_only=False)
     rows = tuple(_row(item, radius) for item in (*budget.contributions, measured, everything))
     caption = (
-        f"Standard uncertainties (GUM, JCGM 100) of run {run.id}, measured again with one source changed at a time. "
-        "The intervals of this report contain those of the measurement. Errors of robot.toml and the clock are common "
-        "to all runs of a robot: they affect a comparison with the model, not one between runs. Their sizes are in "
-        "[known_to]."
+        f"Standard uncertainties (GUM, JCGM 100) of run {run.id}, measured again with one source more at a time. "
+        "The intervals of this report contain those of the measurement, and of the marks what [known_to] of robot.toml "
+        "states. Errors of robot.toml and the clock are common to all runs of a robot: they affect a comparison with "
+        "the model, not one between runs."
     )
     head = ("source", "radius, µm", "radius, %", "speed, µm/s", "heading, deg", "")
     figure = _bars(run, budget)

@@ -8,13 +8,15 @@ import numpy as np
 
 Z_975 = 1.96  # standard deviations on either side of the mean of a normal distribution that include 95 %
 
+LEAST_RADIUS_MM = 1e-6  # lower bound of a radius that may be zero: its curvature is finite
+
 
 @dataclass(frozen=True)
 class Curvature:
     """Curvature of the path of the robot's centre with 95 % bounds, 1/mm; positive counter-clockwise.
 
-    sigma: standard uncertainty from noise, reduced by more frames; systematic: from the uncertainty of the camera,
-    reduced by a better calibration only. The bounds include both.
+    sigma: standard uncertainty from noise, reduced by more frames; systematic: from the uncertainty of the camera and
+    of the marks on the robot, reduced by better knowledge of these only. The bounds include both.
     """
 
     value: float
@@ -38,6 +40,18 @@ class Curvature:
     def straight(self) -> bool:
         """Whether the interval includes a straight path."""
         return self.low <= 0 <= self.high
+
+    def with_radius_error(self, sigma_mm: float) -> Curvature:
+        """Bounds widened by a systematic standard uncertainty of the radius; the same if the path may be straight."""
+        radius, low, high = self.radius_mm()
+        if not np.isfinite(radius) or not sigma_mm:
+            return self
+        reach = Z_975 * sigma_mm
+        tighter = max(radius - float(np.hypot(radius - low, reach)), LEAST_RADIUS_MM)
+        wider = radius + float(np.hypot(high - radius, reach))
+        low_per_mm, high_per_mm = sorted(np.sign(self.value) / np.array([wider, tighter]))
+        systematic = float(np.hypot(self.systematic, sigma_mm / radius**2))
+        return Curvature(self.value, float(low_per_mm), float(high_per_mm), self.sigma, systematic)
 
     def radius_mm(self) -> tuple[float, float, float]:
         """Radius with its 95 % bounds; NaN if the path may be straight."""

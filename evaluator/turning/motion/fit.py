@@ -5,7 +5,7 @@ The geometry is in steady_motion.py: another model of a turn replaces `fit_stead
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class TurnFit:
     parameters about `motion` with their uncertainty; systematic: (4, k) their shifts by independent errors of the
     camera. ahead: 1 if the path parameter grows with time, else -1. change_rad: (2,) turn due to the change of
     curvature along the path, as coefficients of the first and second Legendre polynomial; zeros if no change was
-    fitted.
+    fitted. place_shifts: (k, 3) of MarkGeometry.pose_shifts.
     """
 
     motion: SteadyMotion
@@ -54,6 +54,7 @@ class TurnFit:
     ahead: float
     systematic: Array
     change_rad: Array
+    place_shifts: Array
 
     def body_twists(self, steps: Array, place_mm: Array) -> Array:
         """Velocity (v_x, v_y) and yaw rate of a body point per path parameter: (m, 3) for steps (m, 4)."""
@@ -97,8 +98,21 @@ class TurnFit:
         delta = 1e-5
         return np.asarray((self.bend_rad(delta * np.eye(4)) - self.bend_rad(-delta * np.eye(4))) / (2 * delta))
 
+    def displaced(self, twist: Array) -> Array:
+        """Twists (k, 3) of the centre that would be measured with each mark elsewhere, for its measured twist (3,)."""
+        along, across, turn = self.place_shifts.T
+        cos, sin, yaw = np.cos(turn), np.sin(turn), twist[2]
+        x, y = twist[0] - yaw * across, twist[1] + yaw * along
+        return np.stack([cos * x + sin * y, cos * y - sin * x, np.full_like(x, yaw)], axis=1)
+
+    def radius_by_places_mm(self) -> float:
+        """Standard uncertainty of the radius from the places of the marks, the same for all turns to this side."""
+        twist = self.body_twist(np.zeros(2))
+        arms = np.hypot(*self.displaced(twist)[:, :2].T) - np.hypot(*twist[:2])
+        return float(np.linalg.norm(arms) / abs(twist[2])) if twist[2] else 0.0
+
     def curvature(self) -> Curvature:
-        """Curvature of the centre's path with its interval."""
+        """Curvature of the centre's path with its interval, for marks that are where they are taken to be."""
         length, gradient = self.motion.length_mm, self.bend_gradient()
         base = float(self.bend_rad(np.zeros((1, 4)))[0])
         best = base + float(self.averaged.mean() @ gradient)
@@ -133,6 +147,7 @@ class Scaled:
     length_mm: float
     sigma_mm: float
     systematic: Array | None = None  # (n, 3, k) body frame, mm: shifts by independent errors common to all frames
+    place_shifts: Array = field(default_factory=lambda: np.zeros((0, 3)))  # of MarkGeometry.pose_shifts, mm and rad
 
     @property
     def stretched_mm(self) -> Array:
@@ -213,7 +228,7 @@ def _turn_fit(
     averaged = replace(
         averaged, estimate=averaged.estimate[:, :MOTION], covariance=averaged.covariance[:, :MOTION, :MOTION]
     )
-    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift, change)
+    return TurnFit(motion, scaled.offset_mm, used, averaged, ahead, shift, change, scaled.place_shifts)
 
 
 def _robust_motion(scaled: Scaled) -> tuple[SteadyMotion, Flags]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +19,17 @@ from evaluator.robot_geometry import reference_pair
 from evaluator.settings import load_experiment
 from evaluator.workflow.editing.documents import read_document
 from evaluator.workflow.results.outputs import Outputs
-from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks, without_explained
+from evaluator.workflow.runs.mistakes import (
+    all_given_marks,
+    given_marks,
+    mistakes_of_marks,
+    without_explained,
+)
 from simulator.robot import load_robot
 
 if TYPE_CHECKING:
-    from evaluator.diagnosis.mistakes.recognised import Correction
+    from evaluator.diagnosis.mistakes.recognised import Correction, Mistake
+    from evaluator.settings import Run
 
 LEFT_OUT = "is left out: it cannot be corrected in its files"
 PART = "stays: it is a part of a long recording of poses, whose file holds for all of it"
@@ -41,13 +48,15 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
 
     Runs that cannot be corrected in their files (held, pushed, unlike the robot) are excluded. Corrected marks are
     written to NAME-mended-RUN.csv; comments of the experiment are kept. out: folder of an analysis with the marks of
-    videos and of poses, and perhaps of a diagnosis. Raises InputError if such a file exists already or no run would be
+    videos, and perhaps of a diagnosis. Raises InputError if such a file exists already or no run would be
     left.
     """
     experiment = read_with(load_experiment, path)
-    tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.marks is None} if out else {}
-    marks = {**given_marks(experiment), **{run: file for run, file in tracked.items() if file.is_file()}}
-    found = mistakes_of_marks(experiment, marks)
+    given = given_marks(experiment)
+    tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
+    with TemporaryDirectory() as folder:
+        marks = all_given_marks(experiment, Path(folder)) | {run: at for run, at in tracked.items() if at.is_file()}
+        found = mistakes_of_marks(experiment, marks)
     mistakes = without_explained(found, experiment, Outputs(out)) if out else found
     wrong = {run: item for item in mistakes for run in item.runs}
     if not wrong:
@@ -58,21 +67,22 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
     document, _ = read_document(path)
     rows: Any = document["run"]
     robots = {run.id: Path(run.robot or experiment.robot) for run in experiment.run}
-    given = {run.id for run in experiment.run if run.marks is not None}
+    corrections = {run: item.corrections.get(run) for run, item in wrong.items() if run in robots}
+    whole, changes = _of_recordings(experiment.run, wrong)
+    corrections |= whole
     files: dict[Path, pd.DataFrame] = {}
-    changes = [f"{run} {PART}" for run in wrong if run not in robots]
-    if len(changes) == len(wrong):
+    if not corrections:
         return Mended(path, tuple(changes))
     for number in reversed(range(len(rows))):
         run = str(rows[number]["id"])
-        if run not in wrong:
+        if run not in corrections:
             continue
-        correction = wrong[run].corrections.get(run)
+        correction = corrections[run]
         if correction is None or (_of_marks(correction) and run not in given):
             del rows[number]
             changes.append(f"{run} {LEFT_OUT}")
             continue
-        table = read_with(read_marks, marks[run]) if _of_marks(correction) else None
+        table = read_with(read_marks, given[run]) if _of_marks(correction) else None
         pair = reference_pair(load_robot(robots[run])) or ()
         changes.append(f"{run}: {'; '.join(_apply(correction, rows[number], target, files, table, pair))}")
     if not len(rows):
@@ -81,6 +91,28 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
         write_table(content, file)
     write_text(target, document.as_string())
     return Mended(target, tuple(reversed(changes)))
+
+
+def _of_recordings(runs: Sequence[Run], wrong: Mapping[str, Mistake]) -> tuple[dict[str, Correction | None], list[str]]:
+    """Corrections of long recordings of poses, of which every part has one mistake of all runs; what stays of others.
+
+    wrong: mistakes by run, or by part of a recording, which is named after it.
+    """
+    from evaluator.diagnosis.mistakes.misread.command_unit import with_wheels
+    from evaluator.diagnosis.mistakes.recognised import Correction
+
+    found: dict[str, Correction | None] = {}
+    stays: list[str] = []
+    for run in runs:
+        parts = {part: item for part, item in wrong.items() if part.startswith(f"{run.id}@")}
+        ways = {(it.wheels if it else None) for it in (item.corrections.get(part) for part, item in parts.items())}
+        way = ways.pop() if len(ways) == 1 and all(item.everywhere for item in parts.values()) else None
+        if way is None:
+            stays += [f"{part} {PART}" for part in parts]
+            continue
+        times, exchanged = way
+        found[run.id] = Correction(log=with_wheels(run.run_command(), times, exchanged=exchanged))
+    return found, stays
 
 
 def _of_marks(correction: Correction) -> bool:

@@ -20,8 +20,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
 from evaluator.files.csv_tables import write_table
 from evaluator.interchange.commands import RunCommand
-from evaluator.interchange.poses import poses_of, read_poses, refuse_few, with_marks
-from evaluator.interchange.tracks import read_any_marks
+from evaluator.interchange.poses import poses_of
 from evaluator.mark_geometry import MarkGeometry, equal_height_mm
 from evaluator.marks import read_marks, write_marks
 from evaluator.pose import Poses, poses_from_marks
@@ -43,6 +42,7 @@ from evaluator.turning import Turning
 from evaluator.wording import counted
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
+from evaluator.workflow.runs.given import read_given
 from evaluator.workflow.runs.job import Job, RunResult
 from evaluator.workflow.runs.phases import Phase, phases_of, rows_of, start_by_motion
 from evaluator.workflow.runs.thumbnails import WithThumbnails
@@ -125,17 +125,10 @@ class _Stages:
 
     def _track(self) -> tuple[list[Path], dict[str, Any]]:
         path, thumbnails = self.out.marks(self.run.id), self.out.thumbnails(self.run.id)
-        if self.run.marks is not None:
-            names = tuple(self.job.robot.points_mm)
-            table = read_any_marks(self.run.marks, self.job.tracks, self.camera, self._height_mm(), names)
-            write_marks(table, path)
-            return [path], {"notes": table.attrs["faults"]}
-        if self.run.poses is not None:
-            found = read_poses(self.run.poses, self.run.topics)
-            refuse_few(found, self.run.poses)
-            write_marks(with_marks(found.table, MarkGeometry.of_robot(self.job.robot)), path)
-            return [path], {"notes": found.notes()}
-        assert self.run.video is not None  # the file has one of the three, by its validation
+        if self.run.video is None:
+            given = read_given(self.run, self.job.robot, self.job.tracks, self.camera)
+            write_marks(given.table, path)
+            return [path], {"notes": given.notes}
         assert self.camera is not None
         # One decoder thread, because the other cores process other runs.
         recording = WithThumbnails(open_recording(self.run.video, rate_hz=self.run.rate_hz, threads=1))

@@ -61,8 +61,8 @@ def asked(monkeypatch: pytest.MonkeyPatch, found: Any) -> list[dict[str, Any]]:
 
 
 PLACES = (
-    "The intervals take the marks to be where robot.toml says; the tolerance of their positions adds "
-    "±0.09 mm (95 %, run a)."
+    "The intervals take the marks to be where robot.toml says; a usual error of their positions adds "
+    "±0.09 mm (95 %, run a): state yours in robot.toml, [known_to] mark_position_mm."
 )
 TURNING = f"""run  rpm left / right  radius, mm            95 %  speed, mm/s
 a        33.3 / −14.4       5.930  5.900 to 6.000        1.250

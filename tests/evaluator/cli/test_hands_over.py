@@ -159,7 +159,7 @@ def test_a_check_tells_errors_and_mistakes_apart(
 def test_a_check_says_whose_motion_it_has_not_looked_at(stub: Any) -> None:
     unseen = ("drive", "turn")
     stub("evaluator.workflow.check_experiment", Check((), 2, 0, unseen=unseen))
-    assert "the motion of drive, turn was not compared with commands here" in run("check", "e.toml").stderr
+    assert "the motion of drive, turn could not be compared with commands" in run("check", "e.toml").stderr
     assert run("check", "e.toml", "-q").stderr == ""
     assert json.loads(run("check", "e.toml", "--json").stdout)["unseen"] == list(unseen)
 

@@ -306,6 +306,19 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
     )
 
 
+def test_nominal_values_that_predict_held_out_runs_worse_are_not_among_those_that_the_data_prefer() -> None:
+    """ "No finding" was said of them, and in the next sentence that the data prefer them."""
+    some = {"unit": "mm", "taken": 0.05, "found": 0.02, "low": 0.01, "high": 0.03}
+    known = [
+        {"quantity": "wheels.track_mm", "name": "track", **some},
+        {"quantity": "green_x_mm", "name": "mark", **some},
+    ]
+    gap = {"noise_floor": 0.01, "predicted": {"before": {"held_out": 0.04}, "after": {"held_out": 0.06}}}
+    worse = {"verdict": "none", "known_to": known, "gap": gap}
+    assert preferred_sentence(worse) == "Of the values with a tolerance, the data prefer: mark 0.020 mm [0.010, 0.030]."
+    assert "track" in preferred_sentence({**worse, "gap": {}})
+
+
 def test_an_unknown_verdict_without_a_disagreement_is_a_whole_sentence() -> None:
     content: dict[str, Any] = {"verdict": "unknown", "effects": [], "where": []}
     assert verdict_sentence(content) == "The model lacks something that no known effect explains."

@@ -58,7 +58,7 @@ def test_the_tolerance_of_the_positions_of_the_marks_is_told_beside_intervals_wi
     """ "0 of 5 turns inside" stood above "nothing is missing", with marks that were glued 0.06 mm off."""
     runs = [replace(turned("a", 10.0, 2.0, 10.15), by_places_mm=0.06), turned("b", 12.0, 2.0, 12.15)]
     text = said(runs)
-    assert "the tolerance of their positions adds ±0.1 mm (95 %, run a)." in text  # 1.96 x 0.06
+    assert "a usual error of their positions adds ±0.1 mm (95 %, run a)" in text  # 1.96 x 0.06
     assert "inside the measured 95 % interval in 0 of 2 turns, in 1 with the tolerance of the positions" in text
     assert "tolerance" not in said([replace(runs[0], by_places_mm=0.02), runs[1]])  # 0.039 beside 0.1 mm
     assert "; positions of the marks ±0.1 mm" in headline(runs)[0].range

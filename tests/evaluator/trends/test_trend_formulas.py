@@ -26,7 +26,8 @@ def written(folder: Path, effects: object = None) -> Path:
         "group": ["dry", "dry", None, None],
         "radius_mm": [8.0, 8.2, np.nan, np.nan],
         "radius_random_mm": [0.01, 0.01, np.nan, np.nan],
-        "radius_systematic_mm": [0.016, 0.0164, np.nan, np.nan],
+        "radius_systematic_mm": [0.020, 0.0205, np.nan, np.nan],  # 3-4-5: the camera's are 0.016 and 0.0164
+        "radius_by_marks_mm": [0.012, 0.0123, np.nan, np.nan],  # the same in every session of the robot
         "curvature_per_mm": [0.125, 0.122, 1e-4, np.nan],
         "curvature_low_per_mm": [0.12, 0.12, 0.8e-4, np.nan],
         "curvature_high_per_mm": [0.13, 0.13, 1.2e-4, np.nan],

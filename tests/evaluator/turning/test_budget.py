@@ -6,6 +6,7 @@ the gauge's pitch to two, and every source has its closed form.
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -14,15 +15,20 @@ import pytest
 
 from calibration.camera import PARAMETERS, Camera, camera_above
 from evaluator.mark_geometry import MarkGeometry
+from evaluator.pose import poses_from_marks
 from evaluator.pose_systematic import COMMON_PX, COMMON_SHARE, IMAGE_SHARE
 from evaluator.turning.budget import Budget, Contribution, Knowledge, uncertainty_budget
+from simulator.robot import Robot, shipped_robot_text
 from tests.evaluator.synthetic import circling_marks
 
 RADIUS_MM, SPEED_MM_S, SPACING_MM, SIGMA_MM = 6.0, 8.0, 3.66, 0.002
 ABOVE_PLATE_MM, ABOVE_MARKS_MM, PX_PER_MM = 106.5, 100.0, 20.0
 FOCAL, PITCH = 1e-3, 2e-3  # relative
-KNOWN = Knowledge(mark_position_mm=0.05, mark_height_mm=0.1, time_base=0.01)
-GEOMETRY = MarkGeometry({"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}, height_mm=6.5)
+PLACE_MM, HEIGHT_MM, CLOCK = 0.05, 0.1, 0.01
+PLACES = {"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)}
+KNOWN = Knowledge(PLACE_MM, HEIGHT_MM, CLOCK)
+UNSTATED = MarkGeometry(PLACES, height_mm=6.5)
+GEOMETRY = UNSTATED.with_sigmas(PLACE_MM, HEIGHT_MM)
 
 
 def rig() -> Camera:
@@ -74,15 +80,25 @@ def test_what_a_tracker_gets_wrong_in_all_frames_turns_the_heading_and_shifts_th
     assert alike.measured
 
 
-def test_positions_of_the_marks_move_the_centre_as_their_closed_form_says(budget: Budget) -> None:
-    """The report states this for every turn, without measuring it again with each mark elsewhere."""
-    towards = np.radians(90.0 + budget.turning.body_slip_angle_deg)
-    expected = GEOMETRY.center_sigma_mm(float(towards), KNOWN.mark_position_mm)
-    assert of(budget, "positions").radius_mm == pytest.approx(expected, rel=0.02)
-    assert GEOMETRY.center_sigma_mm(0.0, 0.05) == pytest.approx(0.05 / np.sqrt(2))  # ahead: the mean of two marks
-    turns = 1.55 / (SPACING_MM / np.sqrt(2))
-    assert GEOMETRY.center_sigma_mm(np.pi / 2, 0.05) == pytest.approx(0.05 * np.hypot(1 / np.sqrt(2), turns))
-    assert MarkGeometry({"one": (3.0, 4.0)}).center_sigma_mm(0.3, 0.05) == 0.05
+@pytest.mark.parametrize("mark", PLACES)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_mark_elsewhere_on_the_robot_moves_centre_and_heading_as_measuring_again_says(mark: str, axis: int) -> None:
+    place = list(PLACES[mark])
+    place[axis] -= PLACE_MM  # the mark is farther than the file says
+    moved = poses_from_marks(tracked(), MarkGeometry(PLACES | {mark: tuple(place)}, height_mm=6.5))
+    here = poses_from_marks(tracked(), GEOMETRY)
+    dx, dy, turn = moved.x_mm - here.x_mm, moved.y_mm - here.y_mm, moved.heading_rad - here.heading_rad
+    cos, sin = np.cos(here.heading_rad), np.sin(here.heading_rad)
+    shift = np.median([cos * dx + sin * dy, cos * dy - sin * dx, turn], axis=1)
+    expected = GEOMETRY.pose_shifts()[2 * list(PLACES).index(mark) + axis]
+    assert shift == pytest.approx(expected, abs=0.02 * PLACE_MM)
+
+
+def test_the_corners_of_a_tag_are_displaced_together_and_a_single_mark_has_no_heading() -> None:
+    tag = {f"tag_corner{number}": place for number, place in enumerate([(1, 1), (1, -1), (-1, -1), (-1, 1)], start=1)}
+    assert MarkGeometry(tag, place_sigma_mm=0.1).pose_shifts() == pytest.approx(np.diag([0.1, 0.1, 0.0])[:2])
+    assert MarkGeometry({"one": (3.0, 4.0)}, place_sigma_mm=0.1).pose_shifts() == pytest.approx(np.eye(3)[:2] / 10)
+    assert MarkGeometry(PLACES).pose_shifts().shape == (0, 3)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +107,7 @@ def test_positions_of_the_marks_move_the_centre_as_their_closed_form_says(budget
         ("lens and plane", FOCAL),
         # A pitch moves the lens away from the plate; the marks stay as high above it as they are.
         ("pitch of the gauge", PITCH * ABOVE_PLATE_MM / ABOVE_MARKS_MM),
-        ("height of the marks", KNOWN.mark_height_mm / ABOVE_MARKS_MM),
+        ("height of the marks", HEIGHT_MM / ABOVE_MARKS_MM),
     ],
 )
 def test_error_of_scale_is_the_same_share_of_radius_and_speed_and_turns_nothing(
@@ -101,35 +117,49 @@ def test_error_of_scale_is_the_same_share_of_radius_and_speed_and_turns_nothing(
     assert found.radius_mm == pytest.approx(RADIUS_MM * scale, rel=0.01)
     assert found.speed_mm_s == pytest.approx(SPEED_MM_S * scale, rel=0.01)
     assert found.heading_deg == pytest.approx(0.0, abs=1e-6)
-    assert found.measured == (not source.startswith("height"))
+    assert found.measured
 
 
 def test_marks_off_along_both_axes_give_what_geometry_says(budget: Budget) -> None:
     """A mark off along x turns the heading by sigma / spacing, and the centre, 1.55 mm ahead of the marks, moves
     sideways by 1.55 mm times that; one off along y moves the middle of both by half of it. There are two of each.
     """
-    places, sigma = of(budget, "positions"), KNOWN.mark_position_mm
+    places, sigma = of(budget, "positions"), PLACE_MM
     turned = sigma * np.sqrt(2) / SPACING_MM
     assert places.heading_deg == pytest.approx(np.degrees(turned), rel=0.03)
     assert places.radius_mm == pytest.approx(np.hypot(1.55 * turned, sigma / np.sqrt(2)), rel=0.03)
-    assert not places.measured
+    assert places.measured
 
 
 def test_the_clock_concerns_speed_alone(budget: Budget) -> None:
     clock = of(budget, "clock")
-    assert clock.speed_mm_s == pytest.approx(KNOWN.time_base * SPEED_MM_S, rel=1e-3)
+    assert clock.speed_mm_s == pytest.approx(CLOCK * SPEED_MM_S, rel=1e-3)
     assert (clock.radius_mm, clock.heading_deg, clock.measured) == (0.0, 0.0, False)
 
 
-def test_measurement_alone_is_the_interval_and_all_together_is_more(budget: Budget) -> None:
-    turning, measured, every = budget.turning, budget.combined(measured_only=True), budget.combined(measured_only=False)
-    assert measured.radius_mm == pytest.approx(np.hypot(turning.radius_random_mm, turning.radius_systematic_mm))
+@pytest.mark.parametrize("geometry", [GEOMETRY, UNSTATED])
+def test_the_interval_holds_what_is_measured_and_what_the_robot_file_states(geometry: MarkGeometry) -> None:
+    budget = uncertainty_budget(tracked(), geometry, rig(), known=KNOWN)
+    turning, inside, every = budget.turning, budget.combined(measured_only=True), budget.combined(measured_only=False)
+    assert inside.radius_mm == pytest.approx(np.hypot(turning.radius_random_mm, turning.radius_systematic_mm))
     half = (turning.radius_high_mm - turning.radius_low_mm) / 2
-    assert 1.96 * measured.radius_mm == pytest.approx(half, rel=0.02)
+    assert 1.96 * inside.radius_mm == pytest.approx(half, rel=0.02)
     for name in ("radius_mm", "speed_mm_s", "heading_deg"):
         squares = [getattr(item, name) ** 2 for item in budget.contributions]
         assert getattr(every, name) == pytest.approx(np.sqrt(sum(squares)))
-    assert every.radius_mm > 1.5 * measured.radius_mm
+    stated = [of(budget, part).measured for part in ("positions", "height", "clock")]
+    assert stated == ([True, True, False] if geometry is GEOMETRY else [False, False, False])
+    assert (every.radius_mm > 1.5 * inside.radius_mm) == (geometry is UNSTATED)
+
+
+@pytest.mark.parametrize(("states", "sigmas"), [("", (0.0, 0.0)), ("mark_position_mm = 0.02", (0.02, 0.0))])
+def test_an_interval_takes_marks_to_be_exact_where_the_robot_file_states_nothing(
+    states: str, sigmas: tuple[float, float]
+) -> None:
+    said = tomllib.loads(shipped_robot_text("barrel") + f"\n[known_to]\n{states}\n")
+    geometry = MarkGeometry.of_robot(Robot.model_validate(said))
+    assert (geometry.place_sigma_mm, geometry.height_sigma_mm) == pytest.approx(sigmas)
+    assert geometry.only(["green"]).place_sigma_mm == geometry.place_sigma_mm
 
 
 def test_without_a_camera_its_sources_are_left_out() -> None:

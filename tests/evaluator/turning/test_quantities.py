@@ -112,10 +112,12 @@ def test_uncertainty_of_a_linear_quantity_is_that_of_steps_camera_and_rate_in_qu
         averaged=SimpleNamespace(mean=lambda: mean, spread=lambda: root @ root.T),
         body_twists=lambda steps, _: base + steps @ by_step,
         systematic=systematic,
+        displaced=lambda twist: twist + elsewhere,
     )
+    elsewhere = rng.normal(size=(5, 3))
     shift = rng.normal(size=systematic.shape[1])
     rate: Any = SimpleNamespace(value=1.7, sigma=0.3, gradient=gradient, systematic=shift)
-    values, random, by_camera = with_sigmas(lambda twist: quantity @ twist, fit, rate)
+    values, random, common = with_sigmas(lambda twist: quantity @ twist, fit, rate)
     twist = base + mean @ by_step
     np.testing.assert_allclose(values, quantity @ twist * 1.7)
     slope = by_step @ quantity.T * 1.7 + np.outer(gradient, quantity @ twist)
@@ -123,7 +125,8 @@ def test_uncertainty_of_a_linear_quantity_is_that_of_steps_camera_and_rate_in_qu
     np.testing.assert_allclose(random, np.sqrt(noise), rtol=1e-6)
     # an error of the camera turns the motion and stretches its path at once
     together = systematic.T @ slope + np.outer(shift, quantity @ twist)
-    np.testing.assert_allclose(by_camera, np.linalg.norm(together, axis=0), rtol=1e-6)
+    by_places = elsewhere @ quantity.T
+    np.testing.assert_allclose(common, np.linalg.norm([*together, *by_places], axis=0), rtol=1e-6)
 
 
 def test_uncertainties_of_speed_and_slips_are_their_scatter_over_runs() -> None:
@@ -156,7 +159,8 @@ def test_marks_drive_forward_or_backward_as_they_go_and_not_as_the_robot_does() 
         motion=SimpleNamespace(length_mm=6.0, turn_rad=1.0),
         averaged=SimpleNamespace(mean=lambda: np.zeros(4), spread=lambda: np.zeros((4, 4))),
         body_twists=lambda steps, _: np.tile([1.0, -3.0, 0.5], (len(steps), 1)),
-        systematic=np.zeros(4),
+        systematic=np.zeros((4, 0)),
+        displaced=lambda _: np.zeros((0, 3)),
     )
     marks = MarkGeometry({"green": (0.0, 4.0), "yellow": (0.0, -4.0)})
     found = body_quantities(fit, Rate(2.0, 0.0), marks, None, (None, None))

@@ -95,7 +95,7 @@ def test_summary_says_radius_with_bounds_turn_and_speed_and_whether_the_radius_v
     assert "<tr><th>95 %</th><td>4.9000 to 5.2000 mm</td></tr>" in TURN._repr_html_()
 
 
-def read(tightest: Curvature, *, varies: bool) -> Turning:
+def read(tightest: Curvature, *, varies: bool, by_places_mm: float = 0.0) -> Turning:
     """What is written of a fit of curvature -0.2 to half a turn whose tightest quarter turn is this."""
     mean = Curvature(-0.2, -0.21, -0.18, 0.005, 0.002)
     residual = np.array([[3.0, 4.0], [0.0, 0.0], [9.0, 9.0]])
@@ -105,6 +105,7 @@ def read(tightest: Curvature, *, varies: bool) -> Turning:
         used=np.array([True, True, False]),
         averaged=SimpleNamespace(mean=lambda: np.zeros(4), correlation=lambda: 0.3),
         centers_mm=lambda _: np.array([[1.0, 2.0]]),
+        radius_by_places_mm=lambda: by_places_mm,
     )
     sustained = Sustained(tightest, mean, varies, 0.02, 1e-6, 1.0, 3.0, 0.1)
     return _with_radii(Turning(steady_start_s=0.5, steady_stop_s=9.0), fit, sustained)
@@ -120,6 +121,24 @@ def test_uncertainty_of_a_radius_is_its_square_times_that_of_the_curvature() -> 
     assert (found.center_x_mm, found.center_y_mm, found.center_wander_mm) == (1.0, 2.0, 0.1)
     assert (found.turned_deg, found.noise_correlation) == pytest.approx((180.0, 0.3))
     assert found.residual_rms_mm == pytest.approx(2.5)  # of the frames used: 9, 16, 0 and 0
+
+
+def test_the_places_of_the_marks_widen_every_interval_of_a_radius_by_one_length() -> None:
+    tight, exact = (read(Curvature(-0.25, -0.26, -0.24, 0.004, 0.003), varies=True, by_places_mm=mm) for mm in (0.1, 0))
+    assert (tight.radius_mm, tight.steady_radius_mm) == (exact.radius_mm, exact.steady_radius_mm)
+    for name in ("radius", "steady_radius"):
+        middle = getattr(tight, f"{name}_mm")
+        for bound in (f"{name}_low_mm", f"{name}_high_mm"):
+            reach = np.hypot(getattr(exact, bound) - middle, 1.96 * 0.1)
+            assert abs(getattr(tight, bound) - middle) == pytest.approx(reach)
+    assert tight.radius_systematic_mm == pytest.approx(np.hypot(16 * 0.003, 0.1))
+    assert (tight.radius_random_mm, tight.radius_by_marks_mm) == (exact.radius_random_mm, 0.1)
+    assert tight.curvature_low_per_mm == pytest.approx(-1 / (5 - np.hypot(5 - 1 / 0.21, 0.196)))
+    assert tight.curvature_high_per_mm == pytest.approx(-1 / (5 + np.hypot(1 / 0.18 - 5, 0.196)))
+    spot = read(Curvature(-20.0, -21.0, -19.0, 0.4, 0.3), varies=True, by_places_mm=0.1)  # a radius of 0.05 mm
+    assert (spot.radius_low_mm, spot.radius_high_mm) == (pytest.approx(1e-6), pytest.approx(0.246, rel=0.01))
+    straight = read(Curvature(-0.01, -0.02, 0.01, 0.004, 0.003), varies=False, by_places_mm=0.1)
+    assert np.isnan(straight.radius_mm)
 
 
 def test_a_radius_that_varies_says_by_how_much_and_when_it_was_tightest() -> None:

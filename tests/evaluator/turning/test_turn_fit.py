@@ -73,7 +73,9 @@ def fit_with(
     motion = linearised(scaled, START, way, np.linspace(0, 20, 40), LENGTH_MM)
     model = NoiseModel(0.0, 0.0, in_image=False)
     averaged = Averaged((model,), np.ones(1), step[None], covariance[None], np.ones(1), 30.0)
-    return TurnFit(motion, np.array(offset_mm), np.ones(40, dtype=bool), averaged, 1.0, systematic, np.zeros(2))
+    return TurnFit(
+        motion, np.array(offset_mm), np.ones(40, dtype=bool), averaged, 1.0, systematic, np.zeros(2), np.zeros((0, 3))
+    )
 
 
 def curvature_at(fit: TurnFit, step: np.ndarray) -> float:

@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -117,3 +118,25 @@ def test_what_a_diagnosis_explains_is_not_mended(tmp_path: Path) -> None:
     (out / "diagnosis.json").write_text(json.dumps({"verdict": "effect", "explained_mistakes": explained}))
     assert write_mended(path, out) is None
     assert write_mended(path) is not None
+
+
+def test_a_check_compares_poses_with_their_commands(tmp_path: Path) -> None:
+    """A laboratory with motion capture was told "no errors" of an experiment whose poses were all mirrored."""
+    path = write_hidden(tmp_path, {}, commands=COMMANDS, seconds=4.0)
+    for run in ("r1", "r2", "r3"):
+        marks = pd.read_csv(tmp_path / f"{run}.csv")
+        green, yellow = (marks[[f"{name}_x_mm", f"{name}_y_mm"]].to_numpy() for name in ("green", "yellow"))
+        left = (green - yellow) / 3.66  # unit vector to the left of the robot
+        ahead = np.column_stack([left[:, 1], -left[:, 0]])
+        middle, heading = (green + yellow) / 2 + 1.55 * ahead, np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+        table = {"time_s": marks["time_s"], "x_mm": middle[:, 0], "y_mm": middle[:, 1], "heading_rad": heading}
+        pd.DataFrame(table).to_csv(tmp_path / f"{run}-poses.csv", index=False)
+        rewrite(path, f'marks = "{run}.csv"', f'poses = "{run}-poses.csv"')
+    assert check_experiment(path).mistakes == ()
+    rewrite(path, 'id = "r2"\nleft_rpm = 33.3\nright_rpm = 14.4', 'id = "r2"\nleft_rpm = -33.3\nright_rpm = -14.4')
+    found = check_experiment(path)
+    assert (found.faults, found.unseen, len(found.mistakes)) == ((), (), 1)
+    assert found.mistakes[0].startswith("r2: drives the opposite way to its command")
+    mended = write_mended(path)
+    assert mended is not None
+    assert check_experiment(mended.path).mistakes == ()

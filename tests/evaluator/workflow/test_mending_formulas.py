@@ -11,6 +11,7 @@ import pytest
 
 from evaluator.diagnosis.mistakes.recognised import Correction
 from evaluator.errors import InputError
+from evaluator.interchange.commands import constant
 from evaluator.workflow.editing import mending
 
 PAIR = ("left", "right")
@@ -117,15 +118,17 @@ def day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     MARKS.to_csv(tmp_path / "out" / "marks" / "c.csv", index=False)
     asked: list[Any] = []
     wrong: dict[str, Correction | None] = {}
+    everywhere = [False]  # whether it is wrong in all runs
 
     def mistakes(_: Any, marks: dict[str, Path]) -> list[Any]:
         asked.append(sorted(marks))
         return [
-            SimpleNamespace(runs=(run,), corrections={run: it}, sentence=f"{run}: bad") for run, it in wrong.items()
+            SimpleNamespace(runs=(run,), corrections={run: it}, sentence=f"{run}: bad", everywhere=everywhere[0])
+            for run, it in wrong.items()
         ]
 
     monkeypatch.setattr(mending, "mistakes_of_marks", mistakes)
-    return SimpleNamespace(path=path, out=tmp_path / "out", asked=asked, wrong=wrong)
+    return SimpleNamespace(path=path, out=tmp_path / "out", asked=asked, wrong=wrong, everywhere=everywhere)
 
 
 def test_runs_that_are_right_stay_and_what_cannot_be_corrected_in_its_files_is_left_out(day: Any) -> None:
@@ -159,17 +162,29 @@ def test_corrected_marks_lie_beside_the_mended_file(day: Any) -> None:
     assert pd.read_csv(day.path.with_name("day-mended-a.csv"))["time_s"].tolist() == [0.0, 2.0, 4.0]
 
 
-def test_runs_of_poses_are_mended_by_the_marks_of_an_analysis_and_parts_of_them_stay(day: Any) -> None:
-    text = EXPERIMENT.replace('video = "c.mp4"', 'poses = "c.mp4"')
-    assert text != EXPERIMENT
+def test_what_is_wrong_in_all_parts_of_a_recording_of_poses_is_mended_in_its_log_and_else_stays(day: Any) -> None:
+    """Parts are named after their recording; a correction of one would hold for the file of all."""
+    by_video = 'left_rpm = 30.0\nright_rpm = 20.0\nvideo = "c.mp4"'
+    text = EXPERIMENT.replace(by_video, 'commands = "l.csv"\nposes = "c.csv"')
     day.path.write_text(text, encoding="utf-8")
-    day.wrong.update({"c": Correction(command=(1.0, 2.0)), "c@3.0s": Correction(command=(1.0, 2.0))})
-    mended = mending.write_mended(day.path, day.out)
+    day.path.with_name("l.csv").write_text("time_s,left_rpm,right_rpm\n0.0,30,20\n9.0,-10,40\n")
+    times = [f"{0.1 * k:.1f},{0.1 * k},0,0" for k in range(99)]
+    day.path.with_name("c.csv").write_text("\n".join(["time_s,x_mm,y_mm,heading_deg", *times]))
+    log = Correction(log=constant(1.0, 2.0, 0.0, None), wheels=(-1.0, True))
+    day.wrong.update({"c@0.0s": log, "c@3.0s": log, "cc@1.0s": log})
+    day.everywhere[:] = [True]
+    mended = mending.write_mended(day.path)
     assert day.asked == [["a", "b", "c"]]
     assert mended is not None
-    assert mended.changes == ("c: left_rpm = 1, right_rpm = 2", f"c@3.0s {mending.PART}")
-    assert 'poses = "c.mp4"' in mended.path.read_text(encoding="utf-8")
+    assert mended.changes == ("c: commands = day-mended-c-commands.csv, in the time of the recording",)
+    written = pd.read_csv(day.path.with_name("day-mended-c-commands.csv"))
+    assert written[["left_rpm", "right_rpm"]].iloc[[1, -1]].to_numpy().tolist() == [[-20, -30], [-40, 10]]
     mended.path.unlink()
-    day.wrong.pop("c")
-    kept = mending.write_mended(day.path, day.out)
-    assert kept == mending.Mended(day.path, (f"c@3.0s {mending.PART}",))
+    stays = mending.Mended(day.path, (f"c@0.0s {mending.PART}", f"c@3.0s {mending.PART}"))
+    day.everywhere[:] = [False]  # of some runs: the parts that are right share the file
+    assert mending.write_mended(day.path) == stays
+    day.everywhere[:] = [True]
+    day.wrong["c@3.0s"] = Correction(log=log.log, wheels=(1.0, True))
+    assert mending.write_mended(day.path) == stays
+    day.wrong.update({"c@0.0s": None, "c@3.0s": None})
+    assert mending.write_mended(day.path) == stays

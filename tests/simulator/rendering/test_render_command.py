@@ -88,7 +88,7 @@ def test_bad_pose_files_are_explained(tmp_path: Path) -> None:
     for content, said in (
         ("time_s,x_mm\n0,0\n", "lacks y_mm, heading_deg"),
         ("time_s,x_mm,y_mm,heading_deg\n0,0,0,0\n0,1,1,1\n", "time_s that increases"),
-        ("", "not a CSV table"),
+        ("", "the file is empty"),
     ):
         write(tmp_path / "poses.csv", content)
         result = run(scene, "-o", tmp_path / "clip.mp4")

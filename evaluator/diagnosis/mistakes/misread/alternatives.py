@@ -35,6 +35,7 @@ class Alternative:
     own: bool = False  # whether there is specific evidence for it in this run
     later_s: float = 0.0  # offset of its command log relative to the file
     exact: bool = True  # whether its numbers are known, so that the files can be corrected by them
+    wheels: tuple[float, bool] | None = None  # see Correction
 
 
 def alternatives(
@@ -97,7 +98,7 @@ def correction_to(way: Alternative, stated: Alternative) -> Correction | None:
     if way.kind == "wrong-rate":
         return Correction(seconds_times=float(way.run.time_s[-1] / stated.run.time_s[-1]))
     if way.run.log is not None:
-        return Correction(log=way.run.log)
+        return Correction(log=way.run.log, wheels=way.wheels)
     of_command = way.kind in ("reversed", "sides-swapped", "wrong-unit", "wrong-command")
     return Correction(command=way.run.command) if of_command and stated.run.log is None else None
 
@@ -109,23 +110,28 @@ def thinned(run: RunData) -> RunData:
     return replace(run, time_s=run.time_s[chosen], marks_mm=run.marks_mm[chosen], systematic={})
 
 
+def of_wheels(
+    run: RunData, kind: Kind, words: str, times: float, *, exchanged: bool = False, exact: bool = True
+) -> Alternative:
+    """The run with the speeds of its wheels times a factor, left and right exchanged or not."""
+    changed = driven(run, times, exchanged=exchanged)
+    return Alternative(kind, changed, words, exact=exact, wheels=(times, exchanged))
+
+
 def _same_speeds(run: RunData) -> list[Alternative]:
     """Hypotheses with the stated wheel speeds, but reversed, or with left and right exchanged."""
     command = run.run_command.command
     found = []
     if command.left_rpm.any() or command.right_rpm.any():
-        backward = driven(run, -1.0)
-        found.append(Alternative("reversed", backward, "drives the opposite way to its command"))
+        found.append(of_wheels(run, "reversed", "drives the opposite way to its command", -1.0))
     if (command.left_rpm != command.right_rpm).any():
-        swapped = driven(run, 1.0, exchanged=True)
-        found.append(Alternative("sides-swapped", swapped, "turns as if left and right were exchanged"))
+        found.append(of_wheels(run, "sides-swapped", "turns as if left and right were exchanged", 1.0, exchanged=True))
     return found
 
 
 def _in_unit(run: RunData, factor: Factor) -> list[Alternative]:
     """The run with its command in another unit."""
-    scaled = driven(run, factor.times)
-    return [Alternative("wrong-unit", scaled, factor.words, exact=bool(factor.unit))]
+    return [of_wheels(run, "wrong-unit", factor.words, factor.times, exact=bool(factor.unit))]
 
 
 def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:

@@ -14,6 +14,7 @@ from evaluator.diagnosis.mistakes.disturbances import SETTLED_S
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.motion import motion_of
 from evaluator.diagnosis.mistakes.recognised import MOST
+from evaluator.interchange.commands import RunCommand
 from simulator.command import RPM_PER_RAD_S, Command
 from simulator.robot import Robot
 
@@ -72,11 +73,14 @@ def share_a_factor(data: Sequence[RunData], robots: Sequence[Robot]) -> bool:
 def driven(run: RunData, times: float, *, exchanged: bool = False) -> RunData:
     """The run with its command times a factor, left and right exchanged or not."""
     left, right = (times * run.left_rpm, times * run.right_rpm)[:: -1 if exchanged else 1]
-    log = run.log
-    if log is not None:
-        sides = (times * log.command.left_rpm, times * log.command.right_rpm)[:: -1 if exchanged else 1]
-        log = replace(log, command=Command(log.command.time_s, *sides))
+    log = None if run.log is None else with_wheels(run.log, times, exchanged=exchanged)
     return replace(run, left_rpm=left, right_rpm=right, log=log)
+
+
+def with_wheels(log: RunCommand, times: float, *, exchanged: bool = False) -> RunCommand:
+    """A log with its speeds times a factor, left and right exchanged or not."""
+    sides = (times * log.command.left_rpm, times * log.command.right_rpm)[:: -1 if exchanged else 1]
+    return replace(log, command=Command(log.command.time_s, *sides))
 
 
 def _slipped(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:

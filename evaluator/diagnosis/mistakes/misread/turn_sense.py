@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
-from evaluator.diagnosis.mistakes.misread.command_unit import driven
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to, of_wheels
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognised import MOST, Found
 from evaluator.interchange.log_offset import correlations
@@ -86,4 +85,4 @@ def turn_of(run: RunData) -> Turn | None:
 
 
 def _exchanged(run: RunData) -> Alternative:
-    return Alternative("sides-swapped", driven(run, 1.0, exchanged=True))
+    return of_wheels(run, "sides-swapped", "", 1.0, exchanged=True)
