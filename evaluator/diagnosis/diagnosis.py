@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from evaluator.diagnosis.answer import Answer, answer
 from evaluator.diagnosis.assessment.model_comparison import is_free, separations
+from evaluator.diagnosis.assessment.relevance import without_cancelling
 from evaluator.diagnosis.assessment.sole_run import (
     hiding_run,
     is_followed,
@@ -251,7 +252,7 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
 def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:
     """The diagnosis of runs that are sufficient for a search; seeds: initial values from a search of more runs."""
     ready = prepared(session, progress, fits)
-    free = ready.free
+    free, imitating = ready.free, ""
     if ready.problem.open_ground:
         part, whole = searched_on_ground(ready, progress)
         unrefined = part
@@ -262,7 +263,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
             return _searched(rest, progress, fits, seeds_without(part, diverging))
         unrefined = part
         part = refined(part, ready.start, progress)
-        whole = fit_on_all_runs(part, ready.terms)
+        whole, imitating = without_cancelling(fit_on_all_runs(part, ready.terms))
         challenge_with_free_terms(whole, free, progress)
     everything, said = _answered(whole, session, free)
     profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
@@ -294,6 +295,8 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         nominal=ready.start,
     )
     found = reviewed(found)
+    if imitating and found.verdict in ("unknown", "insufficient"):
+        found = replace(found, reason=f"{found.reason}; {imitating}")
     if found.verdict != "unknown" or ready.problem.open_ground:
         return found
     try:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.gap import noise_floor
+from evaluator.diagnosis.assessment.model_comparison import is_free
 from evaluator.diagnosis.inference.fitted_model import Fit
+from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.features import channels_of, rms_apart
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.settings import Relevant
@@ -17,6 +20,7 @@ from evaluator.settings import Relevant
 Floats = NDArray[np.float64]
 
 SETTLED_S = 0.5  # after the start of the motors, when a turn is steady
+OPPOSED = 0.5  # change by both of two effects over that by the smaller, below which they cancel each other
 LEAST_TURN_RAD = np.radians(20.0)  # turn of a run whose change of radius counts
 
 
@@ -56,6 +60,63 @@ def changes(problem: Problem, fit: Fit, effect: str) -> Changes:
             if min(turns) > LEAST_TURN_RAD:
                 found[k, 1] = 100 * abs(ways[0] / turns[0] / (ways[1] / turns[1]) - 1)
     return Changes(*map(float, found.max(axis=0)))
+
+
+@dataclass(frozen=True)
+class Cancelling:
+    """Two effects of a fitted set that cancel each other: RMS change of all paths by both together, and by each, mm."""
+
+    effects: tuple[str, str]
+    together_mm: float
+    alone_mm: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """Why the two are no finding."""
+        both, first, second = (f"{1000 * mm:.2g}" for mm in (self.together_mm, *self.alone_mm))
+        return (
+            f"{' and '.join(self.effects)} fit only by cancelling each other: they move the marks by {first} and "
+            f"{second} µm, both together by {both} µm (RMS)"
+        )
+
+
+def cancelling(problem: Problem, fit: Fit) -> Cancelling | None:
+    """The first two named effects of a fitted set that together change the paths by far less than each of them does.
+
+    Paths are compared after the best rotation and shift. Two laws of nature that act on one robot oppose each other so
+    closely by chance in about one of a hundred cases; in a fit, they do so to imitate a third.
+    """
+    runs, terms = list(fit.runs), fit.point.terms
+
+    def marks_without(*effects: str) -> list[Floats]:
+        rest = {key: value for key, value in terms.items() if key not in effects}
+        return problem.forward.marks([replace(fit.point, terms=rest).task(run) for run in runs])
+
+    named = sorted(key for key in terms if not is_free(key))
+    if len(named) < 2:
+        return None
+    whole, each = marks_without(), {key: marks_without(key) for key in named}
+    for pair in combinations(named, 2):
+        first, second, both = (_rms_apart(whole, part) for part in (each[pair[0]], each[pair[1]], marks_without(*pair)))
+        if both < OPPOSED * min(first, second):
+            return Cancelling(pair, both, (first, second))
+    return None
+
+
+def without_cancelling(search: Search) -> tuple[Search, str]:
+    """A search without sets in which two effects cancel each other, while one is the most probable; why, or empty."""
+    reason = ""
+    while len(best := search.ranked()[0]) > 1 and (found := cancelling(search.problem, search.fits[best])) is not None:
+        reason = reason or found.sentence
+        kept = {ids: fit for ids, fit in search.fits.items() if not ids.issuperset(found.effects)}
+        search = replace(search, fits=kept)
+    return search, reason
+
+
+def _rms_apart(first: Sequence[Floats], second: Sequence[Floats]) -> float:
+    """RMS distance of the paths of all runs that can be simulated, mm."""
+    pairs = [(a, b) for a, b in zip(first, second, strict=True) if np.isfinite(a).all() and np.isfinite(b).all()]
+    return float(np.sqrt(np.mean([_apart(a, b) ** 2 for a, b in pairs]))) if pairs else 0.0
 
 
 def _apart(first: Floats, second: Floats) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -41,6 +42,7 @@ ORDER: tuple[Kind, ...] = (
     "pushed",
     "outlying",
 )
+PART = re.compile(r"(.+)@(-?\d+\.\d)s")  # name of a part of a long recording (long_sessions)
 MOST = 0.8  # share of the runs above which a mistake concerns the session and is reported once
 
 
@@ -116,21 +118,38 @@ def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] |
             everyone = "all runs" if len(of_kind) == runs else f"{len(of_kind)} of {runs} runs"
             if len(of_kind) == could < runs:
                 everyone += ", all that could show it"
-            sentence = f"{everyone}, {of_kind[0].run} for example: {of_kind[0].seen}; {of_kind[0].remedy}"
+            sentence = f"{everyone}, {named([of_kind[0].run])} for example: {of_kind[0].seen}; {of_kind[0].remedy}"
             concerned = tuple(item.run for item in of_kind)
             alike = tuple(k for k in ORDER if all(k in item.equivalent for item in of_kind))
             result.append(Mistake(concerned, kind, sentence, True, alike, _corrections(of_kind)))
             continue
-        for concerned in dict.fromkeys(item.group or (item.run,) for item in of_kind):
+        parts = _parts_by_recording([item.run for item in of_kind])
+        for concerned in dict.fromkeys(item.group or parts.get(item.run, (item.run,)) for item in of_kind):
             first_of = next(item for item in of_kind if item.run in concerned)
             result.append(
                 Mistake(
-                    *(concerned, kind, f"{', '.join(concerned)}: {first_of.seen}; {first_of.remedy}"),
+                    *(concerned, kind, f"{named(concerned)}: {first_of.seen}; {first_of.remedy}"),
                     equivalent_kinds=first_of.equivalent,
                     corrections=_corrections([item for item in of_kind if item.run in concerned]),
                 )
             )
     return result
+
+
+def named(runs: Sequence[str]) -> str:
+    """Names of runs for people: parts of a long recording are named after it, several of them once."""
+    said = []
+    for group in dict.fromkeys(_parts_by_recording(runs).get(run, (run,)) for run in runs):
+        part = PART.fullmatch(group[0])
+        where = f" ({len(group)} parts of it)" if len(group) > 1 else f" (from {part[2]} s on)" if part else ""
+        said.append(f"{part[1] if part else group[0]}{where}")
+    return ", ".join(said)
+
+
+def _parts_by_recording(runs: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """For every part of a long recording among these runs: all parts of the same one."""
+    parts = {run: found[1] for run in runs if (found := PART.fullmatch(run))}
+    return {run: tuple(other for other, of in parts.items() if of == recording) for run, recording in parts.items()}
 
 
 def _corrections(found: Sequence[Found]) -> dict[str, Correction]:

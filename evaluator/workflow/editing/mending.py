@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from evaluator.settings import Run
 
 LEFT_OUT = "is left out: it cannot be corrected in its files"
-PART = "stays: it is a part of a long recording of poses, whose file holds for all of it"
+PART = "stays: the file of a long recording of poses holds for all of it"
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def _of_recordings(runs: Sequence[Run], wrong: Mapping[str, Mistake]) -> tuple[d
     wrong: mistakes by run, or by part of a recording, which is named after it.
     """
     from evaluator.diagnosis.mistakes.misread.command_unit import with_wheels
-    from evaluator.diagnosis.mistakes.recognised import Correction
+    from evaluator.diagnosis.mistakes.recognised import Correction, named
 
     found: dict[str, Correction | None] = {}
     stays: list[str] = []
@@ -108,7 +108,7 @@ def _of_recordings(runs: Sequence[Run], wrong: Mapping[str, Mistake]) -> tuple[d
         ways = {(it.wheels if it else None) for it in (item.corrections.get(part) for part, item in parts.items())}
         way = ways.pop() if len(ways) == 1 and all(item.everywhere for item in parts.values()) else None
         if way is None:
-            stays += [f"{part} {PART}" for part in parts]
+            stays += [f"{named(list(parts))} {PART}"] if parts else []
             continue
         times, exchanged = way
         found[run.id] = Correction(log=with_wheels(run.run_command(), times, exchanged=exchanged))

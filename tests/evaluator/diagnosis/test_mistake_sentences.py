@@ -69,6 +69,19 @@ def test_runs_of_a_common_mistake_are_named_in_order_with_what_each_could_be_and
     assert single.corrections == {"r2": rights[0]}
 
 
+def test_parts_of_a_long_recording_are_named_after_it_and_told_once() -> None:
+    """One sentence of 300 characters came six times, and "r01@0.0s" is the name of nothing that a reader has."""
+    found = [Found(f"r{k}@{t}s", "reversed", f"seen {t}", "turn it") for k, t in ((4, 0.0), (4, 11.9), (5, 3.5))]
+    found.append(Found("r6", "reversed", "seen", "turn it"))
+    told = [(item.runs, item.sentence) for item in mistakes_of(found, 30)]
+    assert told == [
+        (("r4@0.0s", "r4@11.9s"), "r4 (2 parts of it): seen 0.0; turn it"),
+        (("r5@3.5s",), "r5 (from 3.5 s on): seen 3.5; turn it"),
+        (("r6",), "r6: seen; turn it"),
+    ]
+    assert mistakes_of(found, 4)[0].sentence == "all runs, r4 (from 0.0 s on) for example: seen 0.0; turn it"
+
+
 def test_a_judgement_says_both_misfits_and_every_reading_that_fits_as_well() -> None:
     run = driven(0)
     mirror = replace(run, marks_mm=run.marks_mm * [-1.0, 1.0, -1.0, 1.0])

@@ -180,7 +180,7 @@ def test_what_is_wrong_in_all_parts_of_a_recording_of_poses_is_mended_in_its_log
     written = pd.read_csv(day.path.with_name("day-mended-c-commands.csv"))
     assert written[["left_rpm", "right_rpm"]].iloc[[1, -1]].to_numpy().tolist() == [[-20, -30], [-40, 10]]
     mended.path.unlink()
-    stays = mending.Mended(day.path, (f"c@0.0s {mending.PART}", f"c@3.0s {mending.PART}"))
+    stays = mending.Mended(day.path, (f"c (2 parts of it) {mending.PART}",))
     day.everywhere[:] = [False]  # of some runs: the parts that are right share the file
     assert mending.write_mended(day.path) == stays
     day.everywhere[:] = [True]
