@@ -19,7 +19,8 @@ from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities,
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
-from evaluator.diagnosis.long_sessions import NOT_NEEDED, needed_runs, pieces_of
+from evaluator.diagnosis.long_sessions import LONGEST_S, NOT_NEEDED, PIECE_S, needed_runs, pieces_of
+from evaluator.diagnosis.mistakes.frame_times import wrong_seconds
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.diagnosis.mistakes.start.handling import between_hands
@@ -119,10 +120,15 @@ def without_mistakes(session: Session) -> Session:
 
 
 def needed_of(session: Session) -> Session:
-    """The session with the runs that a diagnosis needs: on open ground those of some dozen commands of hundreds."""
+    """The session with the runs that a diagnosis needs: on open ground those of some dozen commands of hundreds.
+
+    Recordings that are whole because their times are in another unit are kept, so that they are named as mistakes.
+    """
     if not any_full_size(session.robots):
         return session
-    return session.leaving_out(set(range(len(session.data))) - set(needed_runs(session.data)), NOT_NEEDED)
+    whole = {k for k, run in enumerate(session.data) if run.from_poses and np.ptp(run.time_s) > LONGEST_S}
+    unneeded = set(range(len(session.data))) - set(needed_runs(session.data)) - whole
+    return session.leaving_out(unneeded, NOT_NEEDED)
 
 
 def with_knowledge(session: Session, known: KnownTo) -> Session:
@@ -176,17 +182,25 @@ def mistakes_in(
 
 
 def _in_pieces(session: Session) -> Session:
-    """The session with long recordings of poses on open ground cut into pieces, without those with a clock off."""
+    """The session with long recordings of poses on open ground cut into pieces, without those with a clock off.
+
+    A recording whose times are in another unit is kept whole: the search for mistakes names it.
+    """
     runs = list(zip(session.data, session.robots, strict=True))
-    off = clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)])
-    pieces = [
-        (piece, robot)
-        for run, robot in runs
-        if run.id not in off
-        for piece in (pieces_of(run, FEWEST_POSES) if run.from_poses and is_full_size(robot) else (run,))
-    ]
-    data, robots = tuple(piece for piece, _ in pieces), tuple(robot for _, robot in pieces)
-    return replace(session, data=data, robots=robots, left_out={**session.left_out, **off})
+    left_out = dict(clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)]))
+    data: list[RunData] = []
+    robots: list[Robot] = []
+    for run, robot in runs:
+        if run.id in left_out:
+            continue
+        parts: tuple[RunData, ...] = (run,)
+        if run.from_poses and is_full_size(robot) and not wrong_seconds([run], [robot]):
+            parts = pieces_of(run, FEWEST_POSES)
+        if not parts:
+            left_out[run.id] = f"no stretch of {PIECE_S:g} s of it has {FEWEST_POSES} poses; are its times in seconds?"
+        data += parts
+        robots += [robot] * len(parts)
+    return replace(session, data=tuple(data), robots=tuple(robots), left_out={**session.left_out, **left_out})
 
 
 def _read(

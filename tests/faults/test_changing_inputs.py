@@ -16,7 +16,7 @@ from evaluator.workflow import analyze, pending, track_recording
 from evaluator.workflow import tracking as tracking_module
 from evaluator.workflow.diagnosis import experiment as diagnosis_module
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
-from evaluator.workflow.runs import stages
+from evaluator.workflow.runs import given
 from tests.evaluator.synthetic import circling_marks, write_experiment
 
 Change = Callable[[Path], None]
@@ -92,7 +92,7 @@ def test_a_run_whose_marks_change_while_they_are_read_says_so_and_leaves_nothing
     experiment, out, marks = two_runs(tmp_path), tmp_path / "out", tmp_path / "r01.csv"
     before = marks.read_bytes()
     with monkeypatch.context() as patched:
-        when_read(patched, stages, "read_any_marks", lambda: CHANGES[change](marks), first=first)
+        when_read(patched, given, "read_any_marks", lambda: CHANGES[change](marks), first=first)
         found = analyze(experiment, out, workers=1)
     assert found.faults == {"r01": f"{marks}: {CHANGED}"}
     assert not found.outputs.marks("r01").exists()
@@ -109,7 +109,7 @@ def test_a_file_that_is_written_anew_with_what_it_held_is_no_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     experiment, marks = two_runs(tmp_path), tmp_path / "r01.csv"
-    when_read(monkeypatch, stages, "read_any_marks", lambda: marks.write_bytes(marks.read_bytes()), first=True)
+    when_read(monkeypatch, given, "read_any_marks", lambda: marks.write_bytes(marks.read_bytes()), first=True)
     assert analyze(experiment, tmp_path / "out", workers=1).faults == {}
 
 
@@ -123,7 +123,7 @@ def test_an_experiment_file_that_is_edited_during_a_batch_is_said_and_its_result
         experiment.write_text(before.replace("left_rpm = 14.4", "left_rpm = 15.5", 1), encoding="utf-8")
 
     with monkeypatch.context() as patched:
-        when_read(patched, stages, "read_any_marks", edit, first=True)
+        when_read(patched, given, "read_any_marks", edit, first=True)
         found = analyze(experiment, out, workers=1)
     assert found.changed == (experiment,)
     assert found.turning["left_rpm"].tolist() == [14.4, 14.4]
@@ -145,7 +145,7 @@ def test_the_command_names_what_changed_during_a_batch(
     from evaluator.cli.group import turnscope
 
     experiment = two_runs(tmp_path)
-    when_read(monkeypatch, stages, "read_any_marks", lambda: edited_in_place(experiment), first=True)
+    when_read(monkeypatch, given, "read_any_marks", lambda: edited_in_place(experiment), first=True)
     command = ["turnscope", "analyze", str(experiment), "-o", str(tmp_path / "out"), "--workers", "1", "-q"]
     monkeypatch.setattr("sys.argv", command)
     assert run_safely(turnscope) == 0

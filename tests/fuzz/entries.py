@@ -56,9 +56,9 @@ tracking = "tracking.toml"
 notes = "a note"
 [[run]]
 id = "r01"
-left_rpm = 33.0
-right_rpm = 5.0
-start_s = 0.1
+left_rpm = 14.0
+right_rpm = 33.0
+start_s = 0.0
 stop_s = 5.0
 marks = "marks.csv"
 group = "barrel"
@@ -190,7 +190,7 @@ def lay_out(folder: Path) -> None:
 
 
 def _tables(folder: Path) -> None:
-    marks = circling_marks(6.0, seconds=2.0)
+    marks = circling_marks(5.81, speed_mm_s=1.287, seconds=2.0)  # as the robot of this command
     marks.loc[3, ["yellow_x_mm", "yellow_y_mm"]] = np.nan
     marks.to_csv(folder / "marks.csv", index=False)
     one = marks[["time_s", "green_x_mm", "green_y_mm"]].rename(columns=lambda name: name.replace("_mm", "_px"))

@@ -35,9 +35,9 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
         reads.append(misread(data, robots))
         return reads[-1].found
 
-    same = copies(data)
-    found = list(same)
+    found = list(copies(data))
     found += _of_the_rest(wrong_seconds, data, robots, found)
+    sure = list(found)  # by the files themselves
     found += _of_the_rest(wrong_scale, data, robots, found)
     found += _of_the_rest(in_another_unit, data, robots, found)
     found += _of_the_rest(repainted_runs, data, robots, found)
@@ -58,14 +58,14 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(late_starts, *read, found)
     found = beyond_a_dead_band(found, data, still)
     doubtful = contradicting_copies(data, found)
-    found, same = [*found, *doubtful], [*same, *doubtful]
+    found, sure = [*found, *doubtful], [*sure, *doubtful]
     if any_full_size(robots):
         by_model = {(item.run, item.kind) for read in reads for item in read.found if item.run not in read.far}
         kinds, poses = [item.kind for item in found], {run.id for run in data if run.from_poses}
         found = [
             item
             for item in found
-            if item in same
+            if item in sure
             or not ((item.run, item.kind) in by_model or item.run in poses)
             or (kinds.count(item.kind) >= MOST * len(data) and item.kind not in OTHER_WAY)
         ]

@@ -9,6 +9,7 @@ from evaluator.report.diagnosis.values import value_text, with_interval
 from evaluator.report.diagnosis.words import as_sentence, effect_words
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
+from evaluator.turning.motion.curvature import Z_975
 
 Json = dict[str, Any]
 
@@ -29,17 +30,31 @@ def finding_sentences(content: Json) -> list[str]:
 def preferred_sentence(content: Json) -> str:
     """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any.
 
-    Nominal values of the robot are left out if they are no finding (see predicted_sentence).
+    Of the nominal values with a relative tolerance only those that are far from the stated ones. All nominal values of
+    the robot are left out if they are no finding (see predicted_sentence).
     """
-    parts, known = [], content.get("known_to") or []
+    known = content.get("known_to") or []
     if predicts_worse(content):
         known = [item for item in known if "." not in item["quantity"]]
+    else:
+        told = {item["quantity"] for item in known}
+        nominal = [_in_percent(key, item) for key, item in (content.get("nominal") or {}).items() if key not in told]
+        known = [*known, *(item for item in nominal if _tolerances(item) > FAR)]
+    parts = []
     for item in sorted(known, key=_tolerances, reverse=True):
         if item.get("low") is not None and item["low"] * item["high"] > 0:
             found, low, high = _found(item)
             far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""
             parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]{far}")
     return as_sentence(f"Of the values with a tolerance, the data prefer: {'; '.join(parts)}") if parts else ""
+
+
+def _in_percent(key: str, item: Json) -> Json:
+    """A nominal value with a relative tolerance in the form of one in known_to, in percent."""
+    found, reach = 100 * item["relative_change"], 100 * Z_975 * item["sigma"]
+    bounds = {"low": found - reach, "high": found + reach}
+    name = key.rsplit(".", maxsplit=1)[-1].replace("_", " ")
+    return {"quantity": key, "name": name, "unit": "%", "taken": 100 * item["tolerance"], "found": found, **bounds}
 
 
 def negligible_sentence(content: Json) -> str:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from evaluator.diagnosis import experiment
+from evaluator.diagnosis.experiment import Session, _in_pieces, needed_of
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.long_sessions import LONGEST_S, apart, deciding_runs, needed_runs, pieces_of, searched_runs
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
+from simulator.robot import load_robot
 from tests.evaluator.diagnosis.synthetic import run_data
 
 
@@ -58,3 +64,20 @@ def test_of_hundreds_of_runs_some_dozens_decide_and_as_many_are_held_out() -> No
     assert [kept[k].id for k in deciding_runs(kept)] == [data[k].id for k in deciding]  # the same again
     few = data[:38]
     assert deciding_runs(few) == needed_runs(few) == tuple(range(38))
+
+
+def test_a_recording_in_milliseconds_is_kept_whole_for_the_search_for_mistakes_and_one_without_poses_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its poses, 50 s apart, gave no piece: the recording was in no list of the diagnosis, which had status 0."""
+    robot = load_robot(Path(__file__).parents[2] / "driven_robot" / "husky.toml")
+    rare = replace(driven((0.0,), 20.05), id="rare")
+    rare.marks_mm[np.arange(len(rare.time_s)) % 12 > 0] = np.nan  # three poses in 3 s
+    in_ms = replace(driven((0.0,), 20.05), id="ms")
+    monkeypatch.setattr(experiment, "wrong_seconds", lambda runs, _: [run for run in runs if run.id == "ms"])
+    usual = [replace(driven((0.0,), 20.05), id=f"r{k}", left_rpm=float(k)) for k in range(3)]
+    session = _in_pieces(Session((in_ms, rare, *usual), (robot,) * 5, {}))
+    assert session.left_out == {"rare": "no stretch of 3 s of it has 6 poses; are its times in seconds?"}
+    assert [run.id for run in session.data][:2] == ["ms", "r0@100.0s"]
+    monkeypatch.setattr(experiment, "needed_runs", lambda _: (1, 2))
+    assert [run.id for run in needed_of(session).data] == ["ms", "r0@100.0s", "r0@103.0s"]

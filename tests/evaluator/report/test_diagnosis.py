@@ -306,6 +306,21 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
     )
 
 
+def test_nominal_values_far_beyond_their_relative_tolerance_are_told_in_percent() -> None:
+    """Friction 3 tolerances off stood in no sentence, and beside it a wheel radius 0.6 off."""
+    nominal = {
+        "slip.lateral_friction": {"relative_change": 0.152, "sigma": 0.035, "tolerance": 0.05},
+        "slip.longitudinal_friction": {"relative_change": -0.09, "sigma": 0.03, "tolerance": 0.05},  # 1.8 tolerances
+        "wheels.radius_mm": {"relative_change": 0.5, "sigma": 0.01, "tolerance": 0.005},  # told as a length
+    }
+    known = {"unit": "mm", "taken": 0.0025, "found": -0.0015, "low": -0.002, "high": -0.001, "name": "radius"}
+    told = preferred_sentence({"nominal": nominal, "known_to": [{"quantity": "wheels.radius_mm", **known}]})
+    assert told == (
+        "Of the values with a tolerance, the data prefer: lateral friction 15 % [8, 22] (3.0 tolerances); "
+        "radius −0.0015 mm [−0.0020, −0.0010]."
+    )
+
+
 def test_nominal_values_that_predict_held_out_runs_worse_are_not_among_those_that_the_data_prefer() -> None:
     """ "No finding" was said of them, and in the next sentence that the data prefer them."""
     some = {"unit": "mm", "taken": 0.05, "found": 0.02, "low": 0.01, "high": 0.03}
