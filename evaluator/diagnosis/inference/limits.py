@@ -33,7 +33,7 @@ MOST_STEPS, MOST_OF_RANGE = 100.0, 0.75
 
 @dataclass(frozen=True)
 class Limit:
-    """95 % interval of a parameter of an effect that is not in the model.
+    """95 % interval of a parameter of an effect that is not in the model, with the value at which it is absent.
 
     An end is None where the effect is absent and no value possible beyond: a drag is not negative.
     """
@@ -82,13 +82,16 @@ def _is_limited(values: Floats, item: Coordinate) -> bool:
 
 
 def _ends(values: Floats, declared: Parameter) -> tuple[float | None, float | None]:
-    """The ends of the interval of values (n,); None on the side on which the effect is absent and no value possible."""
+    """The ends of the interval of values (n,); None on the side where the effect is absent and no value possible.
+
+    An effect that is not in the model may be absent: where the runs lean to one side, the interval reaches to that value.
+    """
     if declared.low >= declared.absent:
         return None, float(np.quantile(values, SHARE))
     if declared.high <= declared.absent:
         return float(np.quantile(values, 1 - SHARE)), None
     low, high = np.quantile(values, [(1 - SHARE) / 2, (1 + SHARE) / 2])
-    return float(low), float(high)
+    return min(float(low), declared.absent), max(float(high), declared.absent)
 
 
 def _is_shown(view: Screen, column: int) -> bool:

@@ -14,8 +14,7 @@ Json = dict[str, Any]
 LIMIT_KEYS = {"id", "parameter", "low", "high"}
 CAPTION = (
     "If one of these effects acted as well, its size would lie within these limits (95 %), with every value free in "
-    "its tolerance. Larger sizes contradict the runs; smaller ones cannot be excluded. By chance, at most one interval "
-    "in twenty misses the value without the effect."
+    "its tolerance. Larger sizes contradict the runs; smaller ones cannot be excluded."
 )
 
 

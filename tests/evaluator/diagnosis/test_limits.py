@@ -61,8 +61,10 @@ def test_a_two_sided_size_has_the_middle_of_its_distribution_and_a_drag_the_part
         {"time-base": [0.002], "rolling-drag": [0.02]},
     )
     clock, drag = found["time-base", "factor"], found["rolling-drag", "coefficient"]
-    assert clock.low == pytest.approx(1.004 - 1.96 * 0.002, abs=2e-4)
+    assert clock.low == 1.0  # the runs lean to one side, and the effect may be absent all the same
     assert clock.high == pytest.approx(1.004 + 1.96 * 0.002, abs=2e-4)
+    even = limited(monkeypatch, ["time-base"], {"time-base": [0.001]}, {"time-base": [0.002]})["time-base", "factor"]
+    assert (even.low, even.high) == pytest.approx((1.001 - 1.96 * 0.002, 1.001 + 1.96 * 0.002), abs=2e-4)
     above = stats.norm.sf(0.0, -0.01, 0.02)
     assert drag.low is None
     assert drag.high == pytest.approx(stats.norm.isf(0.05 * above, -0.01, 0.02), rel=0.03)
