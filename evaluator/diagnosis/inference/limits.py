@@ -84,7 +84,7 @@ def _is_limited(values: Floats, item: Coordinate) -> bool:
 def _ends(values: Floats, declared: Parameter) -> tuple[float | None, float | None]:
     """The ends of the interval of values (n,); None on the side where the effect is absent and no value possible.
 
-    An effect that is not in the model may be absent: where the runs lean to one side, the interval reaches to that value.
+    An effect that is not in the model may be absent: where the runs lean to one side, the interval reaches to there.
     """
     if declared.low >= declared.absent:
         return None, float(np.quantile(values, SHARE))
