@@ -20,7 +20,7 @@ class TimingReport:
     frames: frames decoded. first, last: presentation times, s. interval: the commonest time between frames, s
     (None below two frames). dropped: (index of the frame after the gap, number missing). duplicates: indices of
     frames equal to the one before. variable: the intervals differ by more than the clock's rounding even outside
-    gaps. notes: sentences on everything unusual, for people.
+    gaps. notes: sentences on what is unusual of the times, for people; repeated_note says which repetitions matter.
     """
 
     frames: int
@@ -86,12 +86,6 @@ def summarise(ticks: Sequence[int], tick: Fraction, duplicates: Sequence[int], n
         said.append(
             f"{counted(missing, 'frame')} {verb(missing, 'is', 'are')} missing in {counted(len(dropped), 'gap')},"
             f" the first before frame {dropped[0][0]}"
-        )
-    if duplicates:
-        equal, first = verb(len(duplicates), "equals", "equal"), duplicates[0]
-        said.append(
-            f"{counted(len(duplicates), 'frame')} {equal} the one before, the first is frame {first}; they are left out"
-            " where marks move: record at a frame rate that the camera keeps"
         )
     return TimingReport(
         frames=len(ticks),

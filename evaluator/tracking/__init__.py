@@ -2,6 +2,7 @@
 
 from evaluator.tracking.before_start import motion_at_rest
 from evaluator.tracking.corrections import correct, read_corrections
+from evaluator.tracking.following.repeated_frames import repeated_note
 from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
 from evaluator.tracking.plate_shift import WithPlate
 from evaluator.tracking.rolling_shutter import of_common_readouts
@@ -19,5 +20,6 @@ __all__ = [
     "of_common_readouts",
     "place_on_plate",
     "read_corrections",
+    "repeated_note",
     "track",
 ]

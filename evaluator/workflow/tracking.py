@@ -26,6 +26,7 @@ from evaluator.tracking import (
     of_common_readouts,
     place_on_plate,
     read_corrections,
+    repeated_note,
     track,
 )
 from evaluator.tracking.observation import UNLIKE
@@ -127,5 +128,6 @@ def track_recording(
     if output is not None:
         write_marks(marks, Path(output))
     readout = None if wanted.shutter_stated else of_common_readouts(marks, wanted.mark, recording.size_px[1])
-    notes = (*recording.report().notes, *([moved.note] if moved else []), *([readout.note] if readout else []))
+    of_marks = repeated_note(marks), moved.note if moved else "", readout.note if readout else ""
+    notes = (*recording.report().notes, *filter(None, of_marks))
     return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)

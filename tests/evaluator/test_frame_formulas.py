@@ -141,11 +141,8 @@ def test_rate_is_of_the_commonest_interval_and_gaps_are_counted_in_it() -> None:
     assert report.notes == (
         "said before",
         "2 frames are missing in 1 gap, the first before frame 4",
-        (
-            "2 frames equal the one before, the first is frame 2; they are left out where marks move: record at a "
-            "frame rate that the camera keeps"
-        ),
     )
+    assert report.duplicates == (2, 5)
     assert np.isnan(summarise([5], TICK, [], []).rate_hz)
     assert summarise([], TICK, [], []).first is None
 

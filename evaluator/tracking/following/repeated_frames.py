@@ -9,7 +9,11 @@ repeated frames.
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+
+from evaluator.tracking.observation import REPEATED
+from evaluator.wording import counted, verb
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -22,6 +26,22 @@ MOVING_PX = 0.5  # usual step from which a standstill is distinguished from erro
 STILL = 0.25  # of the usual step: largest apparent motion in a repeated frame
 AGAIN = 0.35  # relative difference between the step after a standstill and the motion that was missed
 LONGEST = 5  # consecutive repeated frames
+
+
+def repeated_note(marks: pd.DataFrame) -> str:
+    """A sentence on the frames of a tracked recording that show moving marks where they were; empty without any.
+
+    A codec repeats frames of a scene at rest to the bit; these say nothing of the recorder.
+    """
+    status = [name for name in marks if str(name).endswith("_status")]
+    again = marks.loc[(marks[status] == REPEATED).any(axis=1), "frame"]
+    if not len(again):
+        return ""
+    shown, it = verb(len(again), "shows", "show"), verb(len(again), "it is", "they are")
+    return (
+        f"{counted(len(again), 'frame')} {shown} the one before again, the first is frame {again.iloc[0]:.0f}; {it} "
+        "left out: record at a frame rate that the camera keeps"
+    )
 
 
 def repeated_frames(marks_px: list[Array]) -> list[Flags]:

@@ -36,6 +36,7 @@ from evaluator.tracking import (
     of_common_readouts,
     place_on_plate,
     read_corrections,
+    repeated_note,
     track,
 )
 from evaluator.turning import Turning
@@ -137,7 +138,7 @@ class _Stages:
         frames = WithPlate(AsCalibrated(recording, self.camera))
         table = track(frames, settings, self.progress)
         moved = frames.found(table, settings.mark)
-        of_plate = [moved.note] if moved else []
+        of_marks = [*filter(None, [repeated_note(table), moved.note if moved else ""])]
         by_hand: list[str] = []
         if self.run.corrections is not None:
             corrections = read_corrections(self.run.corrections)
@@ -151,7 +152,7 @@ class _Stages:
         write_marks(table, path)
         write_text(thumbnails, recording.to_json())
         return [path, thumbnails], {
-            "notes": [*report.notes, *of_plate, *by_hand],
+            "notes": [*report.notes, *of_marks, *by_hand],
             "plate_moves": bool(moved),
             "readout": [readout.over_stated, readout.note] if readout else [],
             "last_s": float(report.last or 0),

@@ -8,9 +8,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import brentq
 
+from evaluator.tracking import repeated_note
 from evaluator.tracking.following.follow import Follower
 from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.observation import (
@@ -301,3 +303,13 @@ def test_memory_of_hidden_errors_does_not_grow_with_the_recording(monkeypatch: p
 
     assert bytes_a_frame(COUNT) > 1000
     assert bytes_a_frame(20 * COUNT) < 400
+
+
+def test_only_repetitions_that_were_left_out_are_told() -> None:
+    """A scene at rest, which a codec repeats to the bit, was said to need another frame rate, in seven of ten films."""
+    table = pd.DataFrame({"frame": range(4), "green_status": "ok", "yellow_status": "ok"})
+    assert repeated_note(table) == ""
+    table.loc[2, "green_status"] = REPEATED
+    assert repeated_note(table).startswith("1 frame shows the one before again, the first is frame 2; it is left out")
+    table.loc[[1, 2], "yellow_status"] = REPEATED
+    assert repeated_note(table).startswith("2 frames show the one before again, the first is frame 1; they are left")
