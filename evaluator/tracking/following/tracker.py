@@ -236,8 +236,9 @@ class Tracker:
 
     def _discover(self, frame: Frame) -> None:
         """Find marks that have not been seen yet, and a more probable pair than the followed one."""
-        if better := self.second_look.better(frame, self.settings, self.followers):
-            self._begin_anew(frame, better)
+        better = self.second_look.better(frame, self.settings, self.followers)
+        if better and not any(self._rivals.there(one.center_px, one.radius_px) for one in better.chosen.values()):
+            self._begin_anew(frame, better)  # elsewhere than at a lookalike that rested while the robot began to move
         wanted = [name for name in self.names if name not in self.followers]
         if not wanted:
             return

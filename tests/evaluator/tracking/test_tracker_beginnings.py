@@ -23,7 +23,9 @@ def discovering(monkeypatch: pytest.MonkeyPatch, found: dict[str, Candidate], *,
     one = following()
     one.started = []
     one.second_look = SimpleNamespace(better=lambda *_: None, note=lambda *_: None, begin=lambda: None)
-    one._rivals = SimpleNamespace(undecided=rivals, decide=lambda _found, _settings, chosen: chosen)
+    one._rivals = SimpleNamespace(
+        undecided=rivals, decide=lambda _found, _settings, chosen: chosen, there=lambda *_: False
+    )
     monkeypatch.setattr(module, "find_marks", lambda *_: Reading(found, list(found.values()), 0.5))
     monkeypatch.setattr(one, "_start_all", lambda _frame, chosen, balance: one.started.append((chosen, balance)))
     return one
@@ -64,6 +66,19 @@ def test_another_pair_begins_anew_but_for_a_mark_that_is_where_it_was(monkeypatc
     assert one.began == {"yellow": 7}
     assert one.started == [({"yellow": YELLOW}, 0.25)]
     assert not one.body.known
+
+
+def test_a_pair_that_rested_while_the_robot_began_to_move_is_not_begun_with_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A film with a second robot at rest followed that from frame 50 on, for 27 mm, at a stated 1 µm."""
+    one = discovering(monkeypatch, {})
+    followed = {"green": Disc(position=(200.0, 40.0)), "yellow": Disc(position=(300.0, 300.0))}
+    one.followers = dict(followed)
+    one.second_look.better = lambda *_: SimpleNamespace(chosen={"green": GREEN, "yellow": YELLOW}, balance=0.25)
+    one._rivals.there = lambda place, radius_px: (place, radius_px) == (YELLOW.center_px, YELLOW.radius_px)
+    one._discover(frame(7))
+    assert (one.followers, one.started) == (followed, [])
 
 
 def started(monkeypatch: pytest.MonkeyPatch, disc: Any, candidate: Candidate = GREEN, **state: Any) -> Any:
