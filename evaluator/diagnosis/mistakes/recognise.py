@@ -37,9 +37,10 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
 
     found = list(copies(data))
     found += _of_the_rest(wrong_seconds, data, robots, found)
-    sure = list(found)  # by the files themselves
+    sure = list(found)  # without a model
     found += _of_the_rest(wrong_scale, data, robots, found)
-    found += _of_the_rest(in_another_unit, data, robots, found)
+    units = _of_the_rest(in_another_unit, data, robots, found)
+    found, sure = [*found, *units], [*sure, *units]
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)
     still = standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked

@@ -146,6 +146,12 @@ def named(runs: Sequence[str]) -> str:
     return ", ".join(said)
 
 
+def recording_of(run: str) -> str:
+    """Name of the recording that a run is, or is a part of."""
+    part = PART.fullmatch(run)
+    return part[1] if part else run
+
+
 def _parts_by_recording(runs: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """For every part of a long recording among these runs: all parts of the same one."""
     parts = {run: found[1] for run in runs if (found := PART.fullmatch(run))}

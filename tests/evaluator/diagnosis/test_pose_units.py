@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,19 @@ def test_what_is_in_another_unit_is_told_of_all_runs(wrong: dict[str, float], sa
 )
 def test_a_robot_that_slips_is_in_its_units(slips: dict[str, float]) -> None:
     assert in_another_unit([poses(number, **slips) for number in range(6)], [HUSKY] * 6) == []
+
+
+def test_one_recording_of_several_in_another_unit_is_told_of_all_its_parts() -> None:
+    """One of nine recordings in cm stopped a search after 180 s, which named a distortion of the measured x and y."""
+    parts = [replace(poses(k), id=f"r{k // 4}@{k % 4}.0s") for k in range(12)]
+    in_cm = [replace(poses(k, positions=100.0), id=f"r3@{k % 4}.0s") for k in range(12, 16)]
+    found = in_another_unit([*parts, *in_cm], [HUSKY] * 16)
+    assert [item.run for item in found] == [run.id for run in in_cm]
+    assert "as if its positions were in cm" in found[0].seen
+    said = recognise([*parts, *in_cm], [HUSKY] * 16)
+    assert [item.runs for item in said] == [tuple(run.id for run in in_cm)]
+    held = [replace(poses(k, speed=0.016, turn=0.006), id=f"r3@{k % 4}.0s") for k in range(12, 16)]
+    assert in_another_unit([*parts, *held], [HUSKY] * 16) == []  # the robot is held or slips
 
 
 def test_few_runs_runs_that_differ_and_marks_tell_no_unit() -> None:

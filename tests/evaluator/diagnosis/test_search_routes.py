@@ -44,6 +44,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     for name, result in results.items():
         monkeypatch.setattr(module, name, noted(name, result))
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
+    monkeypatch.setattr(module, "without_cancelling", lambda search: (search, ""))
     monkeypatch.setattr(module, "reviewed", lambda found: found)
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
     monkeypatch.setattr(module, "suspected_runs", lambda _: [])
@@ -89,6 +90,19 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
             (done[0][1], no_progress, ()), (NAMED, "start", no_progress), (found.fit_search, {"a": None}),
             (found.search, {"free:x": None}, no_progress),
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("verdict", "told"), [("effect", False), ("unknown", True), ("insufficient", True)])
+def test_effects_that_would_cancel_each_other_are_told_where_nothing_better_is_found(
+    verdict: str, told: bool, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, verdict, open_ground=False)
+    kept: Any = SimpleNamespace(problem="problem of all", kept=True)
+    monkeypatch.setattr(module, "without_cancelling", lambda _: (kept, "a and b cancel"))
+    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    assert found.search is kept
+    assert next(step for step in done if step[0] == "challenge_with_free_terms")[1] is kept
+    assert found.reason == ("it pays; a and b cancel" if told else "it pays")
 
 
 def test_an_answer_is_sought_again_where_a_set_without_one_of_its_effects_fits_better_than_known(

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import any_full_size
+from evaluator.diagnosis.candidates.coordinates import is_full_size
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.command_unit import STRAIGHT_SHARE, is_far
 from evaluator.diagnosis.mistakes.misread.turn_sense import DELAYS_S, FEWEST, FEWEST_FRAMES, SHOWS
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
-from evaluator.diagnosis.mistakes.recognised import MOST, Found
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, recording_of
 from evaluator.interchange.log_offset import averaging_times, correlations
 from simulator.command import RPM_PER_RAD_S
 from simulator.robot import Robot
@@ -45,36 +45,53 @@ class _Pace:
 
 
 def in_another_unit(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
-    """All runs with poses of a session in which positions, headings or commands are in another unit; else none."""
+    """Runs with poses whose positions, headings or commands are in another unit: all, or all parts of a recording."""
     runs = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.from_poses]
-    paces = [_pace(run, robot) for run, robot in runs]
+    paces = {run.id: _pace(run, robot) for run, robot in runs}
+    recordings: dict[str, list[str]] = {}
+    for name in paces:
+        recordings.setdefault(recording_of(name), []).append(name)
+    found = []
+    for group in [list(paces), *(recordings.values() if len(recordings) > 1 else [])]:
+        robot = next((robot for run, robot in runs if run.id in group), None)
+        said = robot and _reading([paces[name] for name in group], robot, alone=len(group) < len(paces))
+        found += [Found(name, "wrong-unit", *said) for name in group] if said else []
+        if len(found) == len(paces):  # all runs at once
+            break
+    return found
+
+
+def _reading(paces: Sequence[_Pace], robot: Robot, *, alone: bool) -> tuple[str, str] | None:
+    """What runs seem to be in another unit and the remedy; alone: whether others of the session are not."""
     speed, turn = (_common([getattr(item, name) for item in paces]) for name in ("speed", "yaw"))
     if not np.isfinite(speed):
-        return []
+        return None
     times_of_turn, speed_is_far = turn / TURNS_BY, is_far(speed, FAR)
     heading_is_off, only_speed_is_off = (is_far(times, OF_HEADING) for times in (times_of_turn, times_of_turn / speed))
     if not speed_is_far and heading_is_off:
         unit = "degrees" if times_of_turn > 1 else "radians"
-        seen = f"turns {_number(turn)} times as fast as commanded, as if its headings were in {unit}"
-        remedy = "name their column after their unit, heading_deg or heading_rad"
-    elif speed_is_far and only_speed_is_off:
+        return (
+            f"turns {_number(turn)} times as fast as commanded, as if its headings were in {unit}",
+            "name their column after their unit, heading_deg or heading_rad",
+        )
+    if speed_is_far and only_speed_is_off:
         seen = _seen(speed, "positions", {"in mm": 1000.0, "in cm": 100.0, "in m and not in mm": 1e-3})
-        remedy = "name their columns after their unit, x_mm or x_m"
-    elif speed_is_far and any_full_size(robots):  # of smaller ones a simulation tells more
-        commands = {
-            "in rad/s": RPM_PER_RAD_S,
-            "in rpm and not in rad/s": 1 / RPM_PER_RAD_S,
-            "those of motors before their gears": 1 / RPM_PER_RAD_S,
-            "in deg/s": 1 / 6,
-            "in deg/s and not in rad/s": 1 / RADIAN_DEG,
-            "in turns per second": 60.0,
-            "speeds of the wheels in m/s": 1000 * RPM_PER_RAD_S / runs[0][1].driving_radius_mm,
-        }
-        seen = _seen(speed, "commands", commands)
-        remedy = "give the speeds of the wheels in the unit of their column, or correct the robot file"
-    else:
-        return []
-    return [Found(run.id, "wrong-unit", seen, remedy) for run, _ in runs] if seen else []
+        return (seen, "name their columns after their unit, x_mm or x_m") if seen else None
+    # Of smaller robots a simulation tells more; a single recording may be slow because the robot is held or slips.
+    if not speed_is_far or not is_full_size(robot) or (alone and speed < 1):
+        return None
+    commands = {
+        "in rad/s": RPM_PER_RAD_S,
+        "in rpm and not in rad/s": 1 / RPM_PER_RAD_S,
+        "those of motors before their gears": 1 / RPM_PER_RAD_S,
+        "in deg/s": 1 / 6,
+        "in deg/s and not in rad/s": 1 / RADIAN_DEG,
+        "in turns per second": 60.0,
+        "speeds of the wheels in m/s": 1000 * RPM_PER_RAD_S / robot.driving_radius_mm,
+    }
+    seen = _seen(speed, "commands", commands)
+    remedy = "give the speeds of the wheels in the unit of their column, or correct the robot file"
+    return (seen, remedy) if seen else None
 
 
 def _seen(times: float, what: str, units: Mapping[str, float]) -> str:
