@@ -113,7 +113,7 @@ class KnownTo(Table):
     track_mm: NotNegative | None = None  # default 0.02 mm
     mass_g: NotNegative | None = None  # default 2 %
     mark_position_mm: NotNegative = 0.05  # of each mark, along each axis
-    mark_height_mm: NotNegative = 0.1  # of all marks; for the intervals of the turning radius
+    mark_height_mm: NotNegative = 0.1  # of all marks
     center_of_gravity_mm: NotNegative = 0.1  # along each axis
     plate_level_deg: NotNegative = 0.3  # along each axis of the plate
 
