@@ -254,7 +254,7 @@ class DiagnosisContent(TypedDict):
     explained_mistakes: NotRequired[list[MistakeContent]]  # that the effects explain; their runs are left out
     stopped: NotRequired[bool]  # whether the search reached its limit of time before a decision
     known_together: NotRequired[KnownTogetherContent | None]
-    findings: NotRequired[list[str]]  # deviations in known_to beyond three tolerances, in words
+    findings: NotRequired[list[str]]  # deviations in known_to and nominal beyond three tolerances, in words
     constancy: NotRequired[dict[str, Number]]  # by split of the runs: probability that both halves have equal effects
     runs_not_followed: NotRequired[list[str]]  # outlying runs, which the chosen model does not explain
     unlike_runs: NotRequired[list[UnlikeRunsContent]]

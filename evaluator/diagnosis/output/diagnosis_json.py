@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.gap import rms
+from evaluator.diagnosis.assessment.knowledge import FINDING_SIGMAS
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.residuals.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
 from evaluator.diagnosis.assessment.residuals.disagreement import QUANTITIES, UNITS
@@ -79,7 +80,7 @@ def record(diagnosis: Diagnosis) -> DiagnosisContent:
         "negligible": _negligible(diagnosis),
         "known_to": _known_to(diagnosis),
         "known_together": _together(diagnosis),
-        "findings": [item.sentence for item in diagnosis.known if item.is_finding],
+        "findings": [*(item.sentence for item in diagnosis.known if item.is_finding), *_far_nominal(diagnosis)],
         "gap": _gap(diagnosis),
         "where": _where(diagnosis, apart),
         "disagrees": _disagrees(apart),
@@ -293,6 +294,17 @@ def _nominal(diagnosis: Diagnosis) -> dict[str, NominalContent]:
         for i, column in enumerate(fit.columns)
         if column.term is None and not is_shared(column.key)
     }
+
+
+def _far_nominal(diagnosis: Diagnosis) -> list[str]:
+    """Sentences on nominal values far beyond their relative tolerance, of a model that follows the runs."""
+    told = {item.quantity.key for item in diagnosis.known}
+    return [
+        f"{key.split('.')[-1].replace('_', ' ')}: off by {100 * change:+.2g} %, tolerance {100 * tolerance:.2g} %"
+        for key, item in (_nominal(diagnosis) if diagnosis.follows else {}).items()
+        for change, tolerance in [(item["relative_change"] or 0.0, item["tolerance"])]
+        if key not in told and abs(change) > FINDING_SIGMAS * tolerance
+    ]
 
 
 def _shared(diagnosis: Diagnosis) -> dict[str, Number] | None:

@@ -58,6 +58,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = ("effects", "rivals", "next_experiment", "unlike")
     for name in (*plain, "_gap", "_noise", "_nominal", "_shared", "_exact_frictions"):
         monkeypatch.setattr(diagnosis_json, name, lambda _, name=name: name)
+    monkeypatch.setattr(diagnosis_json, "_far_nominal", lambda _: ["friction off"])
     monkeypatch.setattr(diagnosis_json, "_where", lambda _, apart: ["where", len(apart)])
     monkeypatch.setattr(diagnosis_json, "effect_content", lambda _, effect: {"id": effect, "parameters": {"x": 1}})
     apart = [RunDisagreement("r2", "start", "yaw_rate", 1.23456789, 4.5)]
@@ -104,7 +105,11 @@ def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
         "quantity": "track", "name": "the track", "unit": "mm", "taken": 0.5, "found": 1.5, "low": 0.5, "high": None,
         "equivalent": [],
     }  # fmt: skip
-    assert (second["quantity"], second["equivalent"], found["findings"]) == ("mass", ["a"], ["track off"])
+    assert (second["quantity"], second["equivalent"], found["findings"]) == (
+        "mass",
+        ["a"],
+        ["track off", "friction off"],
+    )
     assert found["known_together"] == {
         "square": 12.5, "freedom": 3, "probability": 0.001, "sentence": "off: ('known',)",
     }  # fmt: skip
@@ -297,6 +302,17 @@ def test_a_term_of_some_wheels_is_an_own_effect_whose_coefficient_names_them() -
         ("left_drive", "right_command", "by_other_command"),
         ("right_drive", "left_command", "by_other_command"),
     ]
+
+
+def test_a_nominal_value_beyond_three_relative_tolerances_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction 32 % above the robot file, 3.1 tolerances in the fit, was in no sentence."""
+    moved = {"slip.lateral_friction": 0.155, "slip.decrease": -0.149, "wheels.radius_mm": 0.9, "body.mass_g": None}
+    nominal = {key: {"relative_change": change, "tolerance": 0.05} for key, change in moved.items()}
+    monkeypatch.setattr(diagnosis_json, "_nominal", lambda _: nominal)
+    told = SimpleNamespace(quantity=SimpleNamespace(key="wheels.radius_mm"))
+    found = diagnosis(known=(told,), follows=True)
+    assert diagnosis_json._far_nominal(found) == ["lateral friction: off by +16 %, tolerance 5 %"]
+    assert diagnosis_json._far_nominal(diagnosis(known=(told,), follows=False)) == []
 
 
 def test_eight_rivals_are_listed_the_most_probable_first(monkeypatch: pytest.MonkeyPatch) -> None:
