@@ -14,6 +14,14 @@ from simulator.effects.parameter import UNITS, Unit
 Json = dict[str, Any]
 
 
+# Of an error of the robot's speed without a simple law.
+OF_SPEED = {
+    "rms_along_mm_s": ("along the robot (RMS)", "mm/s"),
+    "rms_across_mm_s": ("sideways (RMS)", "mm/s"),
+    "rms_yaw_deg_s": ("in yaw rate (RMS)", "°/s"),
+}
+
+
 def parameters(effect: Json) -> dict[str, tuple[str, str]]:
     """Words and units of the parameters of an effect, by name; a single coefficient is the size of what has a name."""
     found = {name: parameter(name, effect["id"]) for name in effect["parameters"]}
@@ -24,6 +32,8 @@ def parameters(effect: Json) -> dict[str, tuple[str, str]]:
 
 def parameter(name: str, effect_id: str = "") -> tuple[str, str]:
     """A parameter's name in words, and its unit: the declared one, else that in which the name ends."""
+    if name in OF_SPEED:
+        return OF_SPEED[name]
     first, twin, _ = name.partition("=")
     channel, *basis = first.split(".")
     if twin:  # of a coefficient that acts on both sides

@@ -220,6 +220,7 @@ def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
     assert parameter("speed.cos_heading.driving") == (words, "")
     squared = "a moment about the vertical growing with the square of forward speed"
     assert parameter("moment.u_abs_u") == (squared, "µN·mm/(mm/s)²")
+    assert parameter("rms_across_mm_s", "free-form") == ("sideways (RMS)", "mm/s")
     assert parameter("magic.of_wheels") == ("magic of wheels", "")  # a file of another program
     assert parameter("moment.moon_phase") == ("moment moon phase", "")
     several = {"id": "free-form", "parameters": {"moment.u_abs_u": {}, "speed.cos_heading.driving": {}}}
