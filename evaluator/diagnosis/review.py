@@ -133,7 +133,7 @@ def _doubted(found: Diagnosis) -> Diagnosis:
         elif missed:
             found = replace(found, reason=f"{found.reason}; detected, but {TOO_SMALL}: {missed.sentence}")
     elif found.verdict == "effect":
-        reason = grown_gap(gap, found.held_out, open_ground=open_ground)
+        reason = grown_gap(gap, found.held_out, found.outlying, open_ground=open_ground)
     reason = reason or _missed_command(found)
     few = "runs of more commands are needed" if open_ground and found.chosen else ""
     if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
