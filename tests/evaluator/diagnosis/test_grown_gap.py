@@ -61,17 +61,17 @@ def test_a_predicted_gap_may_not_grow_in_the_runs_held_out_though_it_shrinks_in_
     [
         (0.0073, 0.0073, False),
         (0.0077, 0.0077, True),
-        (0.015, 0.0127, True),
-        (0.015, 0.0125, False),
+        (0.015, 0.0113, True),
+        (0.015, 0.0111, False),
         (0.1, 0.02, False),
     ],
 )
-def test_an_effect_must_remove_a_third_of_what_exceeds_the_noise_of_held_out_runs(
+def test_an_effect_must_remove_half_of_what_exceeds_the_noise_of_held_out_runs(
     *, before: float, after: float, speaks: bool
 ) -> None:
     """A clock 1.4 % off was named for play in the gears: held-out runs from 34.4 to 33.7 µm, at a floor of 14.6 µm.
 
-    Squares: of 0.015 mm at a floor of 0.005 mm, 2e-4 mm² exceed the noise; a third is left off at 0.0126 mm.
+    Squares: of 0.015 mm at a floor of 0.005 mm, 2e-4 mm² exceed the noise; half of it is left at 0.0112 mm.
     """
     found = gap(0.004)
     found.before_mm[:5], found.after_mm[:5] = before, after
