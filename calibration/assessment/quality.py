@@ -34,6 +34,7 @@ TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance bes
 # What to do if the images do not determine the camera, the gauge is stretched, or the height correction is uncertain.
 ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
 STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
+DISTURBED = 5  # dots of an image that were left out, and half of all, from which it may be the one that contradicts
 FOCAL_STEP = (
     "lock focus and zoom, use the images as the camera wrote them, neither turned nor cropped, and take them again, all"
     " at the focus of the recordings"
@@ -211,11 +212,25 @@ def _focal_lengths(calibration: Calibration) -> str:
     sentence = (
         "the images contradict one lens; focal lengths that differ between them by about "
         f"{100 * found:.1g} % explain it better: the focus or the zoom changed, or a program turned or cropped an image"
+        f"{_disturbed_image(calibration)}"
     )
     if calibration.excess == 0.0:
         return sentence
     half = 50 * abs(calibration.excess)
     return f"{sentence}; the gauge then seems stretched one way, and lengths are uncertain by {half:.2g} %"
+
+
+def _disturbed_image(calibration: Calibration) -> str:
+    """The image in which most of the dots were left out that contradict the rest: glare moves others as well."""
+    rejected = np.array(calibration.rejected)
+    worst = int(rejected.argmax())
+    if rejected[worst] <= rejected.sum() / 2 or rejected[worst] < DISTURBED:
+        return ""
+    shown = len(calibration.views[worst].centers_px) + rejected[worst]
+    return (
+        f", or glare or dirt moves the dots of {calibration.views[worst].name}, of which {rejected[worst]} of {shown} "
+        "were left out: try without it first"
+    )
 
 
 def _stretched(calibration: Calibration) -> str:

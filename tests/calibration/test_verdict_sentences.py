@@ -64,6 +64,19 @@ def test_images_of_different_focal_lengths_are_told_instead_of_a_stretched_gauge
     assert _focal_lengths(calibration(excess=excess)) == ""
 
 
+@pytest.mark.parametrize(
+    ("rejected", "told"), [((1, 0, 9, 2, 0), True), ((4, 0, 9, 2, 3), False), ((0, 0, 4, 0, 0), False)]
+)
+def test_an_image_whose_dots_glare_may_have_moved_is_named_before_the_focus_is_blamed(
+    rejected: tuple[int, ...], *, told: bool
+) -> None:
+    """One photograph with a spot of glare made "the focus or the zoom changed" of five good ones."""
+    views = tuple(SimpleNamespace(name=f"g{k}.jpg", centers_px=np.zeros((91, 2))) for k in range(5))
+    sentence = _focal_lengths(calibration(focal_difference=0.003, rejected=rejected, views=views))
+    assert (", or glare or dirt moves the dots of g2.jpg, of which 9 of 100 were left out" in sentence) == told
+    assert told or "glare" not in sentence
+
+
 def test_numbers_of_a_misfit_and_of_a_wrong_size_are_those_of_the_images() -> None:
     fit = SimpleNamespace(variance=25.0, state=calibration().fit.state)
     assert _misfit(calibration(fit=fit, rms_px=0.31))[0].startswith("residuals of 0.31 px are 5 times the uncertainty")
