@@ -7,7 +7,7 @@ from collections import Counter
 
 from evaluator.diagnosis.assessment.knowledge import strained
 from evaluator.diagnosis.assessment.model_comparison import Set
-from evaluator.diagnosis.assessment.verdict import carries_over
+from evaluator.diagnosis.assessment.verdict import KEEP, carries_over
 from evaluator.diagnosis.design.next_runs import MOST_RUNS
 from evaluator.diagnosis.output.content import NextExperimentContent, RivalContent
 from evaluator.diagnosis.output.effects_json import rounded
@@ -61,7 +61,7 @@ def _reason(diagnosis: Diagnosis, ids: Set, odds: float) -> str:
         return f"leaving out {', '.join(sorted(chosen - ids))} makes the runs {_times(odds)} less probable"
     if odds > 0 and _carries_over(diagnosis, ids) is False:
         return "an effect in it predicts commands left out no better than chance"
-    if ids > chosen:
+    if ids > chosen and odds < KEEP[0]:
         return f"adding {', '.join(sorted(ids - chosen))} is not significant"
     return f"makes the runs {_times(odds)} less probable" if odds < 0 else _refused(diagnosis, ids)
 
@@ -71,7 +71,7 @@ def _refused(diagnosis: Diagnosis, ids: Set) -> str:
     assert diagnosis.search is not None
     if at_bounds := diagnosis.search.fits[ids].at_bounds:
         return f"{' and '.join(sorted(at_bounds))} would be larger than is plausible: at a bound of the size"
-    return "it contains an effect that is not significant"
+    return "not every effect in it is worth odds of 3000 to 1 beside the others"
 
 
 def _times(odds: float) -> str:

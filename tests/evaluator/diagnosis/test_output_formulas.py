@@ -142,8 +142,9 @@ TOO_LARGE = "would be larger than is plausible: at a bound of the size"
         (A, NONE, -math.log(5.0), "without any effect the runs are 5.0 times less probable"),
         (AB, B, -math.log(30.0), "leaving out a makes the runs 30 times less probable"),
         (A, AB, 3.0, "adding b is not significant"),
+        (A, AB, 9.0, "not every effect in it is worth odds of 3000 to 1 beside the others"),
         (A, B, -math.log(1e6), "makes the runs 10⁶ times less probable"),
-        (A, B, 2.0, "it contains an effect that is not significant"),
+        (A, B, 2.0, "not every effect in it is worth odds of 3000 to 1 beside the others"),
     ],
 )
 def test_a_rival_has_its_odds_and_the_reason_against_it(
@@ -159,7 +160,7 @@ def test_a_rival_has_its_odds_and_the_reason_against_it(
     assert (said["effects"], said["reason"], said["strains"]) == (sorted(ids), reason, ["a", "b"])
     rival.at_bounds = frozenset({"b"})
     told = alternatives_json.rivals(found)[0]["reason"]
-    assert told == (reason if "not significant" not in reason or ids > chosen else f"b {TOO_LARGE}")
+    assert told == (f"b {TOO_LARGE}" if "not every effect" in reason else reason)
     assert said["log_odds"] == pytest.approx(odds, rel=1e-5)
     assert said["probability"] == pytest.approx(1 / (1 + math.exp(-odds)), abs=1e-4)
 
@@ -168,7 +169,7 @@ def test_a_rival_has_its_odds_and_the_reason_against_it(
     ("odds", "carries", "reason"),
     [
         (0.5, False, "an effect in it predicts commands left out no better than chance"),
-        (2.0, True, "it contains an effect that is not significant"),
+        (2.0, True, "not every effect in it is worth odds of 3000 to 1 beside the others"),
         (-math.log(50.0), False, "makes the runs 50 times less probable"),
     ],
 )
