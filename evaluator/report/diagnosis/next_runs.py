@@ -37,9 +37,10 @@ def separations_sentence(content: Json) -> str:
         parts.append(f"Expected separation with these further runs: {listed}.")
     if beyond:
         listed = _listed([f"{words_of(name)} ({sigmas:.1f} sigmas)" for name, sigmas in beyond.items()])
+        found = words_of(" + ".join(str(effect.get("id")) for effect in content.get("effects") or [])) or "the answer"
         parts.append(
             f"Even {following.get('most_runs', 'many')} further runs at these speeds on this plate would not "
-            f"distinguish it from {listed}: inspect the robot, the plate and the wires, or drive faster."
+            f"distinguish {found} from {listed}: inspect the robot, the plate and the wires, or drive faster."
         )
     return " ".join(parts)
 

@@ -217,10 +217,11 @@ def test_further_runs_are_said_with_how_often_and_what_they_separate() -> None:
     each = "5 / −6 rpm for 8 s from x 1.5 mm, y −2 mm at heading 90°"
     assert said == f"Most informative further runs: {each}; {each} (twice); {each} (3 times)."
     apart = {"separation_sigmas": {"a + b": 5.21, "c": None, "d": 1.0}, "inseparable_sigmas": {"e": 0.44}}
-    assert separations_sentence({"next_experiment": apart}) == (
+    named = [{"id": "plate-tilt"}, {"id": "speed-ripple"}]
+    assert separations_sentence({"next_experiment": apart, "effects": named}) == (
         "Expected separation with these further runs: 5.2 sigmas from a with b and 1.0 sigmas from d. "
-        "Even many further runs at these speeds on this plate would not distinguish it from e (0.4 sigmas): "
-        "inspect the robot, the plate and the wires, or drive faster."
+        "Even many further runs at these speeds on this plate would not distinguish plate-tilt with "
+        "speed-ripple from e (0.4 sigmas): inspect the robot, the plate and the wires, or drive faster."
     )
     assert separations_sentence({"next_experiment": {"separation_sigmas": {"a": 1.0}}}).endswith("1.0 sigmas from a.")
     assert separations_sentence({"next_experiment": None}) == ""

@@ -123,8 +123,8 @@ def test_of_three_things_the_first_two_have_a_comma_and_the_last_an_and() -> Non
     following = {"separation_sigmas": {**sigmas, "unknown": None}, "inseparable_sigmas": {"dead-band": 0.5}}
     assert separations_sentence({"next_experiment": following}) == (
         "Expected separation with these further runs: 1.0 sigmas from dead-band, 2.1 sigmas from plate-tilt and "
-        "3.0 sigmas from tether-pull. Even many further runs at these speeds on this plate would not distinguish it "
-        "from dead-band (0.5 sigmas): inspect the robot, the plate and the wires, or drive faster."
+        "3.0 sigmas from tether-pull. Even many further runs at these speeds on this plate would not distinguish "
+        "the answer from dead-band (0.5 sigmas): inspect the robot, the plate and the wires, or drive faster."
     )
     assert words_of("dead-band + plate-tilt") == "dead-band with plate-tilt"
 
