@@ -180,7 +180,7 @@ def undecided(search: Search, table: Standing) -> tuple[Set, str]:
     if search.problem.open_ground or odds <= UNDECIDED:
         return frozenset(), ""
     needed = f"an effect is named from {round(math.exp(KEEP[1]), -3):.0f} to 1 on"
-    said = f"odds of {math.exp(odds):.0f} to 1; {needed}" if odds < KEEP[1] else f"though not each effect: {needed}"
+    said = f"odds of {math.exp(odds):.0f} to 1; {needed}" if odds < KEEP[1] else f"{needed}, which not each of them has"
     return best, f"{' with '.join(sorted(best))} would make these runs more probable, but is not proven ({said})"
 
 

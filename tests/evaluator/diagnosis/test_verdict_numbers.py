@@ -385,7 +385,7 @@ def test_probabilities_are_shares_of_the_exponentials() -> None:
         (math.log(19.9), ""),
         (math.log(20.1), "odds of 20 to 1; an effect is named from 3000 to 1 on"),
         (7.99, "odds of 2951 to 1; an effect is named from 3000 to 1 on"),
-        (8.01, "though not each effect: an effect is named from 3000 to 1 on"),
+        (8.01, "an effect is named from 3000 to 1 on, which not each of them has"),
     ],
 )
 def test_an_effect_of_twenty_to_one_is_not_excluded(odds: float, said: str) -> None:
