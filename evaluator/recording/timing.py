@@ -20,7 +20,7 @@ class TimingReport:
     frames: frames decoded. first, last: presentation times, s. interval: the commonest time between frames, s
     (None below two frames). dropped: (index of the frame after the gap, number missing). duplicates: indices of
     frames equal to the one before. variable: the intervals differ by more than the clock's rounding even outside
-    gaps. notes: sentences on what is unusual of the times, for people; repeated_note says which repetitions matter.
+    gaps. notes: sentences on what is unusual of the times, for people; which repetitions matter shows in the marks.
     """
 
     frames: int
