@@ -59,7 +59,7 @@ class Budget:
         radius, speed, heading = (
             _norm([getattr(item, name) for item in chosen]) for name in ("radius_mm", "speed_mm_s", "heading_deg")
         )
-        return Contribution("measurement" if measured_only else "all together", radius, speed, heading)
+        return Contribution("in the interval" if measured_only else "all together", radius, speed, heading)
 
 
 def uncertainty_budget(

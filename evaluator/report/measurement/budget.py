@@ -37,7 +37,7 @@ def _sentence(budget: Budget) -> str:
     radius, measured = budget.turning.radius_mm, budget.combined(measured_only=True)
     largest = max(budget.contributions, key=lambda item: np.nan_to_num(item.radius_mm))  # NaN: unknown for this run
     return (
-        f"Standard uncertainty of the radius from the measurement: "
+        f"Standard uncertainty of the radius in its interval: "
         f"{significant(100 * measured.radius_mm / radius, 2)} %. "
         f"Largest source of all: {largest.source}, {significant(100 * largest.radius_mm / radius, 2)} %."
     )
@@ -61,7 +61,7 @@ def _bars(run: RunView, budget: Budget) -> Figure:
     places = np.arange(len(names))[::-1]
     with drawing("budget", width=6.4, height=0.9 + 0.33 * len(names)) as canvas:
         (axes,) = canvas.axes
-        for measured, color, label in ((True, BLUE, "in the interval"), (False, ORANGE, "robot.toml and clock")):
+        for measured, color, label in ((True, BLUE, "in the interval"), (False, ORANGE, "not in the interval")):
             chosen = np.array([item.measured is measured for item in budget.contributions])
             axes.barh(places[chosen], np.maximum(percent[chosen], LEAST_PERCENT), color=color, height=0.6, label=label)
         axes.set_yticks(places, names)

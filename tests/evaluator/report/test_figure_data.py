@@ -118,7 +118,7 @@ def test_a_budget_is_told_in_micrometres_and_percent_of_the_radius(monkeypatch: 
         ("noise", "12", "0.15", "3.0", "0.050", ""),
         ("all", "40", "0.50", "0", "0", "not in the intervals"),
     )
-    assert "of the radius from the measurement: 0.15 %. Largest source of all: mark height, 0.50 %." in found.text[0]
+    assert "of the radius in its interval: 0.15 %. Largest source of all: mark height, 0.50 %." in found.text[0]
     assert found.figures[0].data["radius_percent"].tolist() == pytest.approx([0.15, 0.5])
     unknown = Contribution("lens", nan, nan, nan)
     budget.contributions = (unknown, *items)
