@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
-from evaluator.workflow.runs.mistakes import all_given_marks, mistakes_of_marks
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 if TYPE_CHECKING:
     from evaluator.interchange.tracker_faults import Mended
@@ -92,8 +92,11 @@ def check_experiment(path: Path) -> Check:
     mistakes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     if experiment is not None and not faults:
+        from evaluator.workflow.runs.given import converted_marks  # with all readers of other programs' files
+
+        given = given_marks(experiment)
         with TemporaryDirectory() as folder:
-            given = all_given_marks(experiment, Path(folder))
+            given |= converted_marks(experiment, given, Path(folder))
             found = mistakes_of_marks(experiment, given, marks)
         unseen = tuple(run.id for run in runs if run.video is None and run.id not in given and run.source.exists())
         doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))

@@ -45,8 +45,8 @@ MISSED = 2.5
 OF_WANDER = 4.0  # standard deviations of a Gaussian number per run: exceeded in one of 16,000 runs
 TOO_SMALL = "all that remains together moves the marks by too little to matter"
 # Gap of held-out runs over the noise floor from which an effect must explain some of it, and the least share of the
-# excess of the square. Of 85 right effects in three worlds none explained less than 0.86; a clock that imitated play in
-# the gears explained 0.04, or 0.33 of the runs that it follows.
+# excess of the square. Of 68 sessions with right effects in three worlds none explained less than 0.86; a clock that
+# imitated play in the gears explained 0.04, or 0.33 of the runs that it follows.
 BEYOND_FLOOR, LEAST_SHARE = 1.5, 0.5
 CHANGED_FLOORS = 0.5  # of the noise floor: the default of a relevant change of the path
 

@@ -52,10 +52,9 @@ class Correction:
 
     command: left and right rpm instead of its command; log: instead of its log, in the time of the recording. wheels:
     what is done to a log by that, if it holds for all of it: factor of its speeds, and whether its sides are exchanged.
-    later_s:
-    added to start_s. seconds_times: factor of its times. lost_s: times of the file from which on frames
-    were lost, and for how long, s. marks_exchanged: the first mark is the second. marks_times:
-    factors of the x and y of its marks.
+    later_s: added to start_s. seconds_times: factor of its times. lost_s: times of the file from which on frames were
+    lost, and for how long, s. marks_exchanged: the first mark is the second. marks_times: factors of the x and y of its
+    marks.
     """
 
     command: tuple[float, float] | None = None

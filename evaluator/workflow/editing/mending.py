@@ -19,12 +19,8 @@ from evaluator.robot_geometry import reference_pair
 from evaluator.settings import load_experiment
 from evaluator.workflow.editing.documents import read_document
 from evaluator.workflow.results.outputs import Outputs
-from evaluator.workflow.runs.mistakes import (
-    all_given_marks,
-    given_marks,
-    mistakes_of_marks,
-    without_explained,
-)
+from evaluator.workflow.runs.given import converted_marks
+from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks, without_explained
 from simulator.robot import load_robot
 
 if TYPE_CHECKING:
@@ -55,8 +51,8 @@ def write_mended(path: Path, out: Path | None = None) -> Mended | None:
     given = given_marks(experiment)
     tracked = {run.id: Outputs(out).marks(run.id) for run in experiment.run if run.video is not None} if out else {}
     with TemporaryDirectory() as folder:
-        marks = all_given_marks(experiment, Path(folder)) | {run: at for run, at in tracked.items() if at.is_file()}
-        found = mistakes_of_marks(experiment, marks)
+        marks = {**given, **{run: at for run, at in tracked.items() if at.is_file()}}
+        found = mistakes_of_marks(experiment, {**marks, **converted_marks(experiment, given, Path(folder))})
     mistakes = without_explained(found, experiment, Outputs(out)) if out else found
     wrong = {run: item for item in mistakes for run in item.runs}
     if not wrong:

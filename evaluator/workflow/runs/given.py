@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,8 +45,11 @@ def read_given(run: Run, robot: Robot | MeasuredRobot, tracks: Tracks | None, ca
     return GivenMarks(table, tuple(table.attrs["faults"]))
 
 
-def converted_marks(experiment: Experiment, runs: set[str], folder: Path) -> dict[str, Path]:
-    """Marks files, written to a folder, of some runs without a video; without those that cannot be read."""
+def converted_marks(experiment: Experiment, given: Mapping[str, Path], folder: Path) -> dict[str, Path]:
+    """Marks files, written to a folder, of runs of poses and of other programs, by run id; of those that can be read.
+
+    given: runs with a marks file of their own (given_marks).
+    """
     from calibration.store import load_camera
     from evaluator.settings import load_any_robot
     from simulator.errors import SimulationError
@@ -53,16 +57,16 @@ def converted_marks(experiment: Experiment, runs: set[str], folder: Path) -> dic
     robots: dict[str, Robot | MeasuredRobot] = {}
     result: dict[str, Path] = {}
     for number, run in enumerate(experiment.run):
-        if run.id not in runs or run.video is not None:
+        if run.id in given or run.video is not None:
             continue
         name, camera = run.robot or experiment.robot, run.camera or experiment.camera
         try:
             if name not in robots:
                 robots[name] = read_with(load_any_robot, Path(name))
             seen_by = read_with(load_camera, camera) if run.marks is not None and camera is not None else None
-            table = read_given(run, robots[name], experiment.tracks, seen_by).table
-        except (InputError, SimulationError):
+            file = folder / f"{number}.csv"  # a run may have any name
+            write_marks(read_given(run, robots[name], experiment.tracks, seen_by).table, file)
+        except (InputError, SimulationError, OSError):
             continue
-        result[run.id] = folder / f"{number}.csv"  # a run may have any name
-        write_marks(table, result[run.id])
+        result[run.id] = file
     return result

@@ -65,15 +65,6 @@ def given_marks(experiment: Experiment) -> dict[str, Path]:
     }
 
 
-def all_given_marks(experiment: Experiment, folder: Path) -> dict[str, Path]:
-    """Marks files of all runs without a video, by run id; those of poses and of other programs written to a folder."""
-    from evaluator.workflow.runs.given import converted_marks
-
-    given = given_marks(experiment)
-    others = {run.id for run in experiment.run if run.video is None and run.id not in given}
-    return {**given, **(converted_marks(experiment, others, folder) if others else {})}
-
-
 def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: Sequence[Mistake]) -> dict[str, tuple[str, ...]]:
     """The notes of runs with the mistakes first."""
     found = dict(notes)
