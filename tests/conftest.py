@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -67,9 +68,28 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Schedul
     return LoadFileScheduling(config, log)
 
 
+class Elsewhere(pytest.Dir):
+    """A folder of tests that each worker begins to read at another place."""
+
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        """The files and folders, from the worker's own part on."""
+        found = list(super().collect())
+        worker = getattr(self.config, "workerinput", {"workerid": "gw0", "workercount": 1})
+        first = len(found) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+        yield from found[first:] + found[:first]
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Let a worker find two thirds of the tests compiled by the others.
+
+    pytest compiles assertions anew: on a fresh clone two thirds of the time until the first test, in every worker.
+    """
+    return None if (path / "__init__.py").is_file() else Elsewhere.from_parent(parent, path=path)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that compile the most first."""
-    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+    """Put the tests that compile the most first, and the others in the same order in every worker."""
+    items.sort(key=lambda item: (not item.nodeid.startswith(FIRST), item.path))
 
 
 @pytest.hookimpl(wrapper=True)
