@@ -15,11 +15,11 @@ from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_fr
 from evaluator.diagnosis.assessment.relevance import Changes, changes
 from evaluator.diagnosis.assessment.sufficiency import too_few
 from evaluator.diagnosis.assessment.verdict import TIE, UNDECIDED, Verdict, decide, doubts, material_gain, undecided
+from evaluator.diagnosis.changes.session_changes import DRIFT, step_in_speed
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.search_runs import name_what_is_off, rank_named
-from evaluator.diagnosis.session_changes import DRIFT, step_in_speed
 from evaluator.wording import counted
 from simulator.effects.coordinates import Candidate
 

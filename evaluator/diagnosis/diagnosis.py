@@ -17,6 +17,8 @@ from evaluator.diagnosis.assessment.sole_run import (
     sole_misfit,
     sole_run,
 )
+from evaluator.diagnosis.changes.parted_session import parted
+from evaluator.diagnosis.changes.stepped_values import with_changed_values
 from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspected_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
@@ -30,7 +32,6 @@ from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.explained import without_explained_mistakes
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
-from evaluator.diagnosis.parted_session import parted
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed, withdrawn
 from evaluator.diagnosis.search_ground import searched_on_ground
@@ -239,7 +240,7 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         mistaken = ["a mistake concerns all runs"] * any(item.everywhere for item in session.mistakes)
         return Diagnosis("insufficient", "; ".join([*mistaken, *reasons]), session)
     try:
-        return _searched(session, progress, fits)
+        return _with_changed_values(_searched(session, progress, fits), progress, fits)
     except SearchStoppedError as stopped:
         return Diagnosis("insufficient", str(stopped), session, stopped=True)
     except NotSimulatedError as failed:
@@ -247,6 +248,17 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
         if shortcomings(rest.data):
             raise
         return _diagnosed(rest, progress, fits)
+
+
+def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | None) -> Diagnosis:
+    """The diagnosis again, if values of the laboratory changed within the session, with them free after the change."""
+    if found.search is None or found.search.problem.open_ground:
+        return found
+    changed = with_changed_values(found.search, found.fit, found.session, progress)
+    if changed is None:
+        return found
+    progress("values that changed within the session", 0.1)
+    return _searched(changed, progress, fits)
 
 
 def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:

@@ -65,7 +65,10 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     (before_mm, lost_before), (predicted_mm, lost_after) = (
         predicted_gaps(
             as_driven(counting_data(problem), session.known, gap_fit.point),
-            [with_session(robot, session.known, gap_fit.point) for robot in robots],
+            [
+                with_session(robot, run, session.known, gap_fit.point)
+                for robot, run in zip(robots, session.data, strict=True)
+            ],
             session.robots,
         )
         for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])

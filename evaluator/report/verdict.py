@@ -6,6 +6,7 @@ from typing import Any
 
 from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
 from evaluator.report.diagnosis.knowledge import (
+    changed_sentence,
     finding_sentences,
     mistake_sentences,
     negligible_sentence,
@@ -39,7 +40,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     verdict = verdict_sentence(content)
     lines = [*mistake_sentences(content), verdict, as_sentence(in_words(content["reason"]))]
     findings = [sentence for sentence in finding_sentences(content) if sentence[1:-1] not in verdict]  # once is enough
-    lines += [*findings, negligible_sentence(content)]
+    lines += [changed_sentence(content), *findings, negligible_sentence(content)]
     for effect in content["effects"]:
         # a free-form term of an unknown verdict has no probability as an effect
         share = f", probability {_probability(effect['probability'])}" if content["verdict"] == "effect" else ""

@@ -14,6 +14,7 @@ from evaluator.diagnosis.likelihood.known_to import (
     BESIDE,
     CLOCK,
     GRAVITY,
+    LATER,
     LEVEL,
     RADIUS_DIFFERENCE,
     SCALE,
@@ -53,8 +54,8 @@ class Knowledge:
 
     @property
     def is_finding(self) -> bool:
-        """Whether the fitted deviation contradicts the tolerance."""
-        return abs(self.found) > FINDING_SIGMAS * self.quantity.sigma
+        """Whether the fitted deviation contradicts the tolerance; not of a change, which is told as that."""
+        return not self.quantity.since and abs(self.found) > FINDING_SIGMAS * self.quantity.sigma
 
     @property
     def alike(self) -> str | None:
@@ -144,7 +145,11 @@ def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
     model is complete. Of its eigenvectors, those count that the runs determine.
     Source: Box (1980), J. R. Stat. Soc. A 143, 383 (prior predictive check).
     """
-    at = [i for i, column in enumerate(fit.columns) if column.term is None and column.key != START]
+    at = [
+        i
+        for i, column in enumerate(fit.columns)
+        if column.term is None and column.key != START and not column.key.endswith(LATER)
+    ]
     if not at:
         return Together(0.0, 0, ())
     sigma = np.array([tolerance[fit.columns[i].key] for i in at])

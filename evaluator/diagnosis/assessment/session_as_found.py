@@ -14,6 +14,7 @@ from dataclasses import replace
 from evaluator.diagnosis.likelihood.known_to import (
     CLOCK,
     GRAVITY,
+    LATER,
     LEVEL,
     RADIUS_DIFFERENCE,
     SCALE,
@@ -45,9 +46,9 @@ def as_driven(data: Sequence[RunData], known: Sequence[Quantity], point: Point) 
     return tuple(result)
 
 
-def with_session(robot: Robot, known: Sequence[Quantity], point: Point) -> Robot:
-    """The robot with the quantities of the session at a fitted point, each as the equivalent effect."""
-    found = _found(known, point)
+def with_session(robot: Robot, run: RunData, known: Sequence[Quantity], point: Point) -> Robot:
+    """The robot of a run with the quantities of the session at a fitted point, each as the equivalent effect."""
+    found = _found([item for item in known if not item.since or item.key in run.systematic], point)
     added: dict[str, dict[str, float]] = {}
     if CLOCK in found:
         added["time-base"] = {"factor": 1 + found[CLOCK]}
@@ -99,8 +100,13 @@ def _turns(found: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _found(known: Sequence[Quantity], point: Point) -> dict[str, float]:
-    """Quantities with a deviation at a point, in their units."""
-    return {item.key: value * item.per_unit for item in known if (value := point.nominal.get(item.key, 0.0))}
+    """Quantities with a deviation at a point, in their units, each with its change within the session."""
+    found: dict[str, float] = {}
+    for item in known:
+        if value := point.nominal.get(item.key, 0.0):
+            key = item.key.removesuffix(LATER)
+            found[key] = found.get(key, 0.0) + value * item.per_unit
+    return found
 
 
 def _moved_marks(robot: Robot, found: dict[str, float]) -> dict[str, float]:

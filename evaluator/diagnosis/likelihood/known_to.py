@@ -34,6 +34,7 @@ SIMULATED = (START, CLOCK, RADIUS_DIFFERENCE, *LEVEL, *GRAVITY, *TURNS)
 # Seen from above, a faster motor is a larger wheel, unless the angle of the wheel is seen as well.
 BESIDE = dict.fromkeys(TURNS, "speed-ripple")  # the effect beside which a quantity acts
 SCALE = "plane_scale"
+LATER = "_later"  # suffix of the key of a change of a quantity within the session
 # Knowledge of geometry where robot.toml says nothing: of a robot of the paper's size; of one of a metre, which is
 # measured with a tape, in proportion. Callipers may err by 0.02 to 0.03 mm (ISO 13385-1), and a wheel touches the plate
 # somewhere within its width. A machinist's level reads 0.3 degrees.
@@ -53,7 +54,8 @@ class Quantity:
     """One quantity known to a tolerance.
 
     key: of the deviation in the fit. name, unit: for people and diagnosis.json. sigma: standard deviation in that unit.
-    per_unit: size in the unit of a deviation of 1 in the fit.
+    per_unit: size in the unit of a deviation of 1 in the fit. since: of a change of a value within the session, the
+    first run after it.
     """
 
     key: str
@@ -61,6 +63,7 @@ class Quantity:
     unit: str
     sigma: float
     per_unit: float
+    since: str = ""
 
     @property
     def tolerance(self) -> float:

@@ -79,6 +79,7 @@ class KnownToContent(TypedDict):
     low: Number
     high: Number
     equivalent: list[str]  # ids of effects that would have the same consequence
+    from_run: NotRequired[str]  # of a change of the value within the session: the first run after it
 
 
 class KnownTogetherContent(TypedDict):

@@ -122,8 +122,9 @@ def _negligible(diagnosis: Diagnosis) -> list[NegligibleContent]:
 
 
 def _known_to(diagnosis: Diagnosis) -> list[KnownToContent]:
-    return [
-        {
+    rows: list[KnownToContent] = []
+    for item in diagnosis.known:
+        row: KnownToContent = {
             "quantity": item.quantity.key,
             "name": item.quantity.name,
             "unit": item.quantity.unit,
@@ -133,8 +134,10 @@ def _known_to(diagnosis: Diagnosis) -> list[KnownToContent]:
             "high": rounded(item.high),
             "equivalent": list(item.equivalent),
         }
-        for item in diagnosis.known
-    ]
+        if item.quantity.since:
+            row["from_run"] = item.quantity.since
+        rows.append(row)
+    return rows
 
 
 def _disagrees(apart: Sequence[RunDisagreement]) -> list[DisagreesContent]:

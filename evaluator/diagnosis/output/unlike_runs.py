@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, Unlike, unlike_repeats, unlike_runs
+from evaluator.diagnosis.changes.session_changes import FrictionChange, friction_change, without_change
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.output.content import UnlikeRunsContent
 from evaluator.diagnosis.output.effects_json import rounded
 from evaluator.diagnosis.result import Diagnosis
-from evaluator.diagnosis.session_changes import FrictionChange, friction_change, without_change
 
 WHEELS = {"left_gain": "the left wheels turn", "right_gain": "the right wheels turn"}
 

@@ -27,13 +27,26 @@ def finding_sentences(content: Json) -> list[str]:
     return [as_sentence(str(item)) for item in (*(content.get("findings") or []), *([at_once] if at_once else []))]
 
 
+def changed_sentence(content: Json) -> str:
+    """Values that changed between two runs of the session, and were fitted apart; empty without any."""
+    changed = [item for item in content.get("known_to") or [] if item.get("from_run")]
+    if not changed:
+        return ""
+    parts = [f"{str(item['name']).partition(', from')[0]} by {_with_bounds(item)}" for item in changed if _is_off(item)]
+    return as_sentence(
+        f"These values changed within the session, from {changed[0]['from_run']} on, and were fitted apart before and "
+        f"after: {'; '.join(parts)}. What was set up, glued on or calibrated anew there? Diagnose the runs before and "
+        "after apart if more was changed"
+    )
+
+
 def preferred_sentence(content: Json) -> str:
     """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any.
 
     Of the nominal values with a relative tolerance only those that are far from the stated ones. All nominal values of
     the robot are left out if they are no finding (see predicted_sentence).
     """
-    known = content.get("known_to") or []
+    known = [item for item in content.get("known_to") or [] if not item.get("from_run")]  # these are told as changes
     if predicts_worse(content):
         known = [item for item in known if "." not in item["quantity"]]
     else:
@@ -42,10 +55,9 @@ def preferred_sentence(content: Json) -> str:
         known = [*known, *(item for item in nominal if _tolerances(item) > FAR)]
     parts = []
     for item in sorted(known, key=_tolerances, reverse=True):
-        if item.get("low") is not None and item["low"] * item["high"] > 0:
-            found, low, high = _found(item)
+        if _is_off(item):
             far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""
-            parts.append(f"{item.get('name') or item['quantity']} {found}{_unit(item)} [{low}, {high}]{far}")
+            parts.append(f"{item.get('name') or item['quantity']} {_with_bounds(item)}{far}")
     return as_sentence(f"Of the values with a tolerance, the data prefer: {'; '.join(parts)}") if parts else ""
 
 
@@ -79,7 +91,8 @@ def knowledge_section(content: Json) -> Section | None:
         "robot.toml), and the deviation that these runs prefer. ‘far’: more than two standard deviations."
     )
     head = ("quantity", "unit", "known to", "found", "95 %", "")
-    shown = tuple(part for part in (*finding_sentences(content), negligible_sentence(content)) if part)
+    sentences = (changed_sentence(content), *finding_sentences(content), negligible_sentence(content))
+    shown = tuple(part for part in sentences if part)
     title = "Quantities known to a tolerance"
     return Section("diagnosis-known", title, shown, (), (Table(caption, head, rows, words=True),))
 
@@ -112,6 +125,16 @@ def _tolerances(item: Json) -> float:
     """Deviation of a value in tolerances; 0 if it is unknown."""
     taken, value = item.get("taken"), item.get("found")
     return abs(value) / taken if taken and value is not None else 0.0
+
+
+def _is_off(item: Json) -> bool:
+    """Whether the 95 % interval of a deviation excludes 0."""
+    return item.get("low") is not None and item["low"] * item["high"] > 0
+
+
+def _with_bounds(item: Json) -> str:
+    found, low, high = _found(item)
+    return f"{found}{_unit(item)} [{low}, {high}]"
 
 
 def _found(item: Json) -> tuple[str, str, str]:

@@ -16,6 +16,7 @@ from evaluator.diagnosis.assessment.gap import Gap
 from evaluator.diagnosis.assessment.model_comparison import Standing
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.candidates.free_form import free_terms
+from evaluator.diagnosis.changes.session_changes import FrictionChange
 from evaluator.diagnosis.design.candidate_runs import CandidateRun
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.noise.tracking import NO_DRIFT, Drift, Noise
@@ -24,7 +25,6 @@ from evaluator.diagnosis.output import alternatives_json, diagnosis_json, effect
 from evaluator.diagnosis.output.effect_tables import effect_tables
 from evaluator.diagnosis.output.own_effect import own_effects
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
-from evaluator.diagnosis.session_changes import FrictionChange
 from simulator.effects.coordinates import Candidate, Coordinate
 from simulator.robot import shipped_robot_text
 from tests.evaluator.diagnosis.synthetic import column, linear_runs

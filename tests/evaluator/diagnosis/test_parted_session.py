@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as caller
-from evaluator.diagnosis import parted_session as module
 from evaluator.diagnosis.assessment.knowledge import Knowledge
+from evaluator.diagnosis.changes import parted_session as module
+from evaluator.diagnosis.changes.parted_session import Parted
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fit import EXPLAINED
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
@@ -20,7 +21,6 @@ from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.run_data import PER_RUN
-from evaluator.diagnosis.parted_session import Parted
 from evaluator.diagnosis.result import Diagnosis
 
 LEVEL, MASS = Column("plate_level_x_deg"), Column("body.mass_g")

@@ -45,7 +45,7 @@ def test_a_quantity_of_the_session_moves_predicted_marks_as_in_the_fit(key: str,
     forward = Simulated([nominal_robot], [turn], {}, predicted_sigmas(KNOWN))
     before, fitted = forward.marks([Task(0, START), Task(0, START, nominal)])
     point = Point(np.zeros((1, PER_RUN)), nominal)
-    robot = with_session(nominal_robot, KNOWN, point)
+    robot = with_session(nominal_robot, BLANK, KNOWN, point)
     predicted = Simulated([robot], as_driven([turn], KNOWN, point), {}).marks([Task(0, START)])[0]
     moved = float(np.abs(fitted - before).max())
     assert moved > 1e-4
@@ -104,7 +104,7 @@ def test_an_effect_that_the_session_has_too_stands_once_and_does_what_both_do() 
     given = {"plate-tilt": {"angle_deg": 4.0, "azimuth_deg": 90.0}, "time-base": {"factor": 1.01}}
     entries = tuple(EffectEntry.model_validate({"id": name, **values}) for name, values in given.items())
     tilted = ROBOT.model_copy(update={"effect": entries})
-    robot = with_session(tilted, KNOWN, Point(np.zeros((1, PER_RUN)), deviation))
+    robot = with_session(tilted, BLANK, KNOWN, Point(np.zeros((1, PER_RUN)), deviation))
     found = {entry.id: entry.given for entry in robot.effect}
     assert len(found) == len(robot.effect) == 2
     assert found["time-base"]["factor"] == pytest.approx(1.01 * (1 + clock))
@@ -114,7 +114,7 @@ def test_an_effect_that_the_session_has_too_stands_once_and_does_what_both_do() 
 
 def test_a_session_as_its_files_say_changes_nothing(turn: RunData) -> None:
     point = Point(np.zeros((1, PER_RUN)))
-    assert with_session(ROBOT, KNOWN, point) == ROBOT
+    assert with_session(ROBOT, BLANK, KNOWN, point) == ROBOT
     assert as_driven([turn], KNOWN, point) == (turn,)
 
 

@@ -10,8 +10,7 @@ import pytest
 from scipy import optimize
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, _order, unlike_runs
-from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.session_changes import (
+from evaluator.diagnosis.changes.session_changes import (
     DRIFT,
     _least_line,
     friction_change,
@@ -19,6 +18,7 @@ from evaluator.diagnosis.session_changes import (
     step_over_line,
     without_change,
 )
+from evaluator.diagnosis.likelihood.run_data import RunData
 
 ORDER = np.arange(16.0)
 # Speeds of 16 runs of a laboratory's simulation, percent, a hundredth slower from the ninth on; the seventh is unlike.
