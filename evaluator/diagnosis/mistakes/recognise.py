@@ -13,6 +13,7 @@ from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.dead_band import beyond_a_dead_band
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
 from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
+from evaluator.diagnosis.mistakes.misread.pose_headings import in_another_convention
 from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
 from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
@@ -39,24 +40,25 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(wrong_seconds, data, robots, found)
     sure = list(found)  # without a model
     found += _of_the_rest(wrong_scale, data, robots, found)
-    units = _of_the_rest(in_another_unit, data, robots, found)
-    found, sure = [*found, *units], [*sure, *units]
+    for of_poses in (in_another_unit, in_another_convention):
+        read = _of_the_rest(of_poses, data, robots, found)
+        found, sure = [*found, *read], [*sure, *read]
     found += _of_the_rest(repainted_runs, data, robots, found)
     found += _of_the_rest(runs_with_lost_frames, data, robots, found)
     still = standing = standing_runs(data, robots)  # because of a dead band: their commands cannot be checked
     if len(standing) >= MOST * len(data) and share_a_factor(data, robots):  # they move, but far less than commanded
         standing = set()
     moving = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.id not in standing]
-    read = [run for run, _ in moving], [robot for _, robot in moving]
+    able = [run for run, _ in moving], [robot for _, robot in moving]
     turning = sum(any(s.left_rpm != s.right_rpm for s in run.run_command.driven) for run in data)
     logs = {run.id for run in data if run.log is not None}
     if logs:  # wrong logs shift phases, which then look like pushes
-        found += [item for item in _of_the_rest(misread_runs, *read, found) if item.run in logs]
+        found += [item for item in _of_the_rest(misread_runs, *able, found) if item.run in logs]
     disturbed = _of_the_rest(disturbed_runs, data, robots, found)
     found += disturbed
     if disturbed or len(logs) < len(data):  # otherwise the same runs were tested already
-        found += _of_the_rest(misread_runs, *read, found)
-    found += _of_the_rest(late_starts, *read, found)
+        found += _of_the_rest(misread_runs, *able, found)
+    found += _of_the_rest(late_starts, *able, found)
     found = beyond_a_dead_band(found, data, still)
     doubtful = contradicting_copies(data, found)
     found, sure = [*found, *doubtful], [*sure, *doubtful]
@@ -70,7 +72,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
             or not ((item.run, item.kind) in by_model or item.run in poses)
             or (kinds.count(item.kind) >= MOST * len(data) and item.kind not in OTHER_WAY)
         ]
-        found += _of_the_rest(lambda runs, _: turned_otherwise(runs), *read, found)
+        found += _of_the_rest(lambda runs, _: turned_otherwise(runs), *able, found)
     said = [
         Mistake((), "outlying", sentence, everywhere=True)
         for sentence in (read.unread for read in reads[-1:])
