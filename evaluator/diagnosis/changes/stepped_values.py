@@ -24,7 +24,7 @@ from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import LATER, LEVEL, SCALE, Quantity, mark_keys
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced
+from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, solve_at
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import null_alone
@@ -69,7 +69,7 @@ def step_of_values(
     """The most probable change of values within a session; None if values common to all runs explain it as well.
 
     search, fit: of all runs. kinds: quantities that may change together. With a prior that allows any place in the
-    session and any kind of change, the evidence must grow by what an effect must gain.
+    session and any kind of change, the evidence must grow by what an effect must gain, and not for single runs.
     """
     order = np.array([session.data[run].order for run in fit.runs])
     begins = np.sort(order)[FEWEST_OF_PART : len(order) - FEWEST_OF_PART + 1]
@@ -84,7 +84,7 @@ def step_of_values(
             reduced, later = _with_later(fit.reduced, at, order >= begin), alone.prior[at] / CHANGED_VARIANCES
             evidence = MixedModel(reduced, np.append(alone.prior, later)).log_evidence(range(reduced.g.shape[1]))
             odds = evidence - before + math.log(CHANGE_PRIOR / (len(begins) * len(kinds)))
-            if odds > (KEEP[1] if found is None else found.odds):
+            if odds > (KEEP[1] if found is None else found.odds) and _is_of_many(fit, alone.prior, reduced, later):
                 after = [run for run, item in enumerate(session.data) if item.order >= begin]
                 found = Step(kind, tuple(after), odds)
     return found
@@ -116,6 +116,22 @@ def with_step(session: Session, step: Step, problem: Problem, fit: Fit) -> Sessi
             shift = sigma * np.nan_to_num(marks - here[run])
             data[run] = replace(data[run], systematic={**data[run].systematic, change.key: shift})
     return replace(session, data=tuple(data), known=(*session.known, *changes))
+
+
+def _is_of_many(fit: Fit, prior: Floats, reduced: Reduced, later: Floats) -> bool:
+    """Whether a change also explains the runs better without those that it explains best, too few for a part.
+
+    A change for the sake of one or two odd runs explains the others beside them worse. prior, later: precisions of the
+    columns and of the changes; reduced: with these.
+    """
+    tau = fit.posterior.scatter
+    misfits = []
+    for part, precision in ((fit.reduced, prior), (reduced, np.append(prior, later))):
+        theta = solve_at(part, precision, tau)
+        s, g, G = at_scatter(part, tau)
+        misfits.append(s - 2 * g @ theta + np.einsum("p,npq,q->n", theta, G, theta))
+    gains = np.sort(misfits[0] - misfits[1])
+    return bool(gains[: 1 - FEWEST_OF_PART].sum() > 0)
 
 
 def _kinds(session: Session) -> list[tuple[Quantity, ...]]:
