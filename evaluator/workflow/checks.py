@@ -15,18 +15,13 @@ from typing import TYPE_CHECKING, Any
 from evaluator.errors import InputError
 from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
+from evaluator.workflow.runs.implausible import doubts_of_robots
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
 
 if TYPE_CHECKING:
     from evaluator.interchange.tracker_faults import Mended
-    from simulator.robot import Robot
 
 
-# Mean density of the box around a robot, kg/m³: from foam to platinum. A Husky has 190, the paper's robot 1,700.
-LIGHTEST, HEAVIEST = 10.0, 21_500.0
-# Attraction of the strongest wheel over the weight: less does not hold a robot, more presses it flat. The paper's
-# wheels have 0.6 to 4; a factor of a thousand between units leads out of the range from any value between.
-WEAKEST, STRONGEST = 0.01, 300.0
 HEAD_BYTES = 65_536  # of a video: those with another begin or size need not be compared whole
 
 
@@ -129,47 +124,6 @@ def _overlap(run: Run, other: Run) -> bool:
         first.start_s < (math.inf if second.stop_s is None else second.stop_s)
         for first, second in ((run, other), (other, run))
     )
-
-
-def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
-    """Values of robot files that seem to be in another unit, of robots with a body."""
-    from evaluator.settings import load_any_robot
-    from simulator.robot import Robot
-
-    for name in dict.fromkeys([experiment.robot, *(run.robot for run in experiment.run if run.robot)]):
-        robot = load_any_robot(Path(name))
-        if isinstance(robot, Robot):
-            yield from (f"{name}: {doubt}" for doubt in (*implausible_values(robot), *unloaded_supports(robot)))
-
-
-def implausible_values(robot: Robot) -> Iterator[str]:
-    """Sentences about a density or an attraction that no robot has."""
-    body, weight_mN = robot.body, robot.weight_uN / 1000
-    sizes = body.length_mm, body.width_mm, body.height_mm
-    density = 1e6 * body.mass_g / math.prod(sizes)
-    if not LIGHTEST < density < HEAVIEST:
-        box = " x ".join(f"{size:g}" for size in sizes)
-        yield f"{body.mass_g:g} g in a box of {box} mm are {density:.2g} kg/m3; is the mass or a size in another unit?"
-        return
-    strongest_mN = max(wheel.attraction_mN for wheel in robot.all_wheels)
-    if strongest_mN and not WEAKEST < strongest_mN / weight_mN < STRONGEST:
-        share = f"{strongest_mN / weight_mN:.2g} of its weight of {weight_mN:.3g} mN"
-        yield f"magnets attract a wheel with {strongest_mN:.3g} mN, {share}; is the attraction in another unit?"
-
-
-def unloaded_supports(robot: Robot) -> Iterator[str]:
-    """Sentences about supports that do not press on the plate, and about a robot that tips over."""
-    from simulator.dynamics.model import lifted_supports
-    from simulator.errors import SimulationError
-
-    try:
-        lifted = lifted_supports(robot)
-    except SimulationError as error:
-        yield str(error)
-        return
-    if lifted:
-        verb = "carries" if len(lifted) == 1 else "carry"
-        yield f"{', '.join(lifted)} {verb} no load; are the centre of gravity and the places of the supports right?"
 
 
 def _faults_of_sizes(experiment: Experiment) -> Iterator[str]:

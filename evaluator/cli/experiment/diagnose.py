@@ -119,7 +119,7 @@ def diagnose(
 def say_doubts(experiment: Path) -> None:
     """Name values of robot files that seem to be in another unit, which a diagnosis would report as an effect."""
     from evaluator.settings import load_experiment
-    from evaluator.workflow.checks import doubts_of_robots
+    from evaluator.workflow.runs.implausible import doubts_of_robots
 
     for doubt in doubts_of_robots(load_experiment(experiment)):
         click.echo(f"mistake? {doubt}", err=True)

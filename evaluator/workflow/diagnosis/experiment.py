@@ -29,6 +29,7 @@ from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.sharing import one_core
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
+from evaluator.workflow.runs.implausible import refuse_implausible
 from evaluator.workflow.runs.job import jobs_of
 from evaluator.workflow.runs.stored_diagnosis import (
     INSTALLED,
@@ -129,6 +130,7 @@ def diagnose_experiment(
     key, robot = key_now(), read_with(robot_text, Path(experiment.robot))
     if is_current(outputs, key):
         return None, load_diagnosis(outputs.diagnosis)
+    refuse_implausible(experiment)
     session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
     if (changed := read.changed()) and key_now() != key:
         raise InputError(f"{changed[0]}: {CHANGED}")  # the key is not that of the content that was read

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from evaluator.cli.experiment.diagnose import say_doubts
-from evaluator.workflow.checks import check_experiment, implausible_values, unloaded_supports
+from evaluator.errors import InputError
+from evaluator.workflow import diagnose
+from evaluator.workflow.checks import check_experiment
+from evaluator.workflow.runs.implausible import implausible_values, unloaded_supports
 from simulator.robot import load_robot, shipped_robot_text
 
 BARREL = load_robot("barrel")
@@ -60,8 +63,33 @@ def test_supports_without_load_and_a_robot_that_tips_are_named(
     assert all(words in item for words, item in zip(said, found, strict=True))
 
 
-def test_check_and_diagnose_doubt_a_mass_in_kilograms_with_the_name_of_the_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"slip": {"lateral_friction": 26.0}}, "slip.lateral_friction = 26; wheels have 0.005 to 4: is a decimal"),
+        ({"slip": {"longitudinal_friction": 0.004}}, "slip.longitudinal_friction = 0.004;"),
+        ({"slip": {"lateral_friction": 3.9}}, ""),
+        ({"wheels": {"track_mm": 60.0}}, "wheel centres 4 x 60 mm apart, of a body of 5 x 9 x 6.5 mm;"),
+        ({"wheels": {"wheelbase_mm": 28.0}}, "wheel centres 28 x 4 mm apart"),
+        ({"wheels": {"track_mm": 26.0}}, ""),
+        (
+            {"wheels": {"radius_mm": 2.1}},
+            "front_left and rear_left are 4 mm apart, less than their radii of 2.1 and",
+        ),
+        ({"wheels": {"radius_mm": 1.9}}, ""),
+    ],
+)
+def test_frictions_and_places_of_wheels_that_no_robot_has_are_doubted(
+    changes: dict[str, dict[str, float]], said: str
+) -> None:
+    tables = {name: getattr(BARREL, name).model_copy(update=values) for name, values in changes.items()}
+    found = list(implausible_values(BARREL.model_copy(update=tables)))
+    assert len(found) == bool(said)
+    assert all(item.startswith(said) for item in found)
+
+
+def test_check_doubts_a_mass_in_kilograms_with_the_name_of_the_file_and_diagnose_refuses_it(
+    tmp_path: Path,
 ) -> None:
     text = shipped_robot_text("barrel").replace("mass_g = 0.5", "mass_g = 0.0005")
     (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
@@ -72,5 +100,16 @@ def test_check_and_diagnose_doubt_a_mass_in_kilograms_with_the_name_of_the_file(
     found = check_experiment(path)
     assert found.faults == ()
     assert "robot.toml: 0.0005 g in a box of 5 x 9 x 6.5 mm are 1.7 kg/m3" in found.mistakes[0]
+    with pytest.raises(InputError, match=r"robot.toml: 0.0005 g in a box of 5 x 9 x 6.5 mm are 1.7 kg/m3"):
+        diagnose(path, tmp_path / "out")
+    assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+def test_diagnose_names_supports_without_load(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = shipped_robot_text("six_driven").replace("[body]", "[body]\ncenter_of_gravity_mm = [2.1, 0.0]")
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    path = tmp_path / "experiment.toml"
+    run = '[[run]]\nid = "r"\nmarks = "m.csv"\nleft_rpm = 1\nright_rpm = 1\n'
+    path.write_text(f'format = 1\nname = "e"\nrobot = "robot.toml"\n{run}', encoding="utf-8")
     say_doubts(path)
-    assert capsys.readouterr().err.startswith(f"mistake? {tmp_path / 'robot.toml'}: 0.0005 g in a box")
+    assert capsys.readouterr().err.startswith(f"mistake? {tmp_path / 'robot.toml'}: ")
