@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, UNLIKE, Adequacy, dependence
+from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, UNLIKE, Adequacy, dependence, odd_frictions
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.linear.mixed_model import SCATTER
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -38,12 +38,13 @@ def friction_change(left: Adequacy, runs: Sequence[int], data: Sequence[RunData]
     """The change of the friction of a fit over its runs; None if chance explains it.
 
     left: adequacy of the fit. runs: its runs. data: all runs of the session. It is a circumstance, not an effect: a
-    plate that is wiped between two runs, or gathers dust.
+    plate that is wiped between two runs, or gathers dust. Runs unlike all others do not count.
     """
     number = SCATTER.index("friction")
     effects, share = left.random_effects[:, number], left.shares[:, number]
     order = np.array([data[run].order for run in runs], dtype=np.float64)
-    seen = share > LEAST_SHARE
+    seen = (share > LEAST_SHARE) & ~odd_frictions(left, order)
+    share = np.where(seen, share, 0.0)
     steps = (order >= begin for begin in order[seen][FEWEST_BESIDE_STEP : 1 - FEWEST_BESIDE_STEP])
     asked = [dependence(effects, share, course[:, None])[0] for course in (order, *steps)]
     if not len(asked) * np.nanmin([1.0, *asked]) < UNLIKE:  # Bonferroni; NaN for too few runs
@@ -57,15 +58,21 @@ def friction_change(left: Adequacy, runs: Sequence[int], data: Sequence[RunData]
     return FrictionChange(tuple(which.tolist()), slope * float(np.ptp(order)), once=False)
 
 
-def without_change(left: Adequacy, runs: Sequence[int], changed: FrictionChange) -> Adequacy:
-    """The adequacy of a fit without a friction that changes once, so that the runs before are not unlike those after.
+def without_change(left: Adequacy, runs: Sequence[int], changed: FrictionChange, data: Sequence[RunData]) -> Adequacy:
+    """The adequacy of a fit without a change of friction, so that runs before it are not unlike those after it.
 
-    left, runs: see friction_change. An estimate is shrunk by the share that its run determines, and so is the change.
+    left, runs, data: see friction_change. An estimate is shrunk by the share that its run determines, and so is the
+    change.
     """
+    if changed.once:
+        way = np.isin(runs, changed.runs).astype(np.float64)
+    else:
+        order = np.array([data[run].order for run in runs], dtype=np.float64)
+        first, last = data[changed.runs[0]].order, data[changed.runs[-1]].order
+        way = (order - first) / (last - first)
     effects = left.random_effects.copy()
-    after = np.isin(runs, changed.runs)
     number = SCATTER.index("friction")
-    effects[after, number] -= left.shares[after, number] * changed.change
+    effects[:, number] -= left.shares[:, number] * changed.change * way
     return replace(left, random_effects=effects)
 
 

@@ -19,11 +19,9 @@ def unlike(diagnosis: Diagnosis) -> list[UnlikeRunsContent]:
     changed = friction_change(diagnosis.leftover, diagnosis.fit.runs, diagnosis.session.data)
     found = [] if changed is None else [_over_session(changed, diagnosis)]
     left = diagnosis.leftover
-    if changed is not None and changed.once:
-        left = without_change(left, diagnosis.fit.runs, changed)
+    if changed is not None:
+        left = without_change(left, diagnosis.fit.runs, changed, diagnosis.session.data)
     for item in _all_unlike(left, diagnosis):
-        if item.what == "friction" and changed is not None and set(item.runs) <= set(changed.runs):
-            continue
         percent = 100 * item.change
         if item.what in WHEELS and abs(percent) <= diagnosis.session.relevant.speed_percent:
             continue

@@ -15,6 +15,7 @@ from evaluator.diagnosis.assessment.adequacy import (
     _parted,
     _smaller_group,
     _widest,
+    odd_frictions,
     unlike_repeats,
     unlike_runs,
 )
@@ -43,11 +44,43 @@ def test_chance_is_called_something_else_as_seldom_as_said() -> None:
     assert probabilities.min() > 1e-4
 
 
+def with_friction(friction: NDArray[np.float64]) -> Adequacy:
+    """A model whose runs have these frictions, which they determine."""
+    effects = np.zeros((len(friction), 4))
+    effects[:, 0] = friction
+    return Adequacy(1.0, 0.0, np.ones(len(friction)), effects, np.ones(effects.shape), 1.0, "")
+
+
 def test_scatter_at_the_most_that_is_thought_possible_is_not_chance() -> None:
     """Friction is asked up to 30 %, wheel speed up to 10 %; the values before these are 19 and 6.3 %."""
-    assert _widest(np.array([0.23, 0.078, 0.078, 1.0])) == ""
-    assert _widest(np.array([0.24, 0.001, 0.001, 1.0])).startswith("friction differs from run to run by 24 %,")
-    assert _widest(np.array([0.01, 0.081, 0.081, 1.0])).startswith("wheel speed differs from run to run by 8 %,")
+    order = np.arange(14.0)
+    wide = with_friction(0.28 * np.where(order % 3, 1.0, -1.0) * np.where(order % 2, 1.0, -1.0))
+    assert _widest(wide, np.array([0.23, 0.078, 0.078, 1.0]), order) == ""
+    assert _widest(wide, np.array([0.24, 0.001, 0.001, 1.0]), order).startswith(
+        "friction differs from run to run by 24"
+    )
+    assert _widest(wide, np.array([0.01, 0.081, 0.081, 1.0]), order).startswith(
+        "wheel speed differs from run to run by"
+    )
+
+
+@pytest.mark.parametrize("sticky", [0.0, 0.6])
+def test_dust_that_gathers_and_a_sticky_run_are_no_implausible_scatter(sticky: float) -> None:
+    order = np.arange(14.0)
+    friction = -0.06 * order + np.random.default_rng(2).normal(0.0, 0.03, 14)
+    friction[0] += sticky
+    left = with_friction(friction)
+    assert _widest(left, np.array([0.27, 0.001, 0.001, 1.0]), order) == ""
+    assert odd_frictions(left, order).tolist() == [bool(sticky)] + [False] * 13
+    few = np.arange(7.0)  # too few to tell a line from chance
+    assert _widest(with_friction(friction[:7]), np.array([0.27, 0.001, 0.001, 1.0]), few) != ""
+
+
+def test_frictions_that_scatter_or_change_once_have_no_outliers() -> None:
+    order, rng = np.arange(14.0), np.random.default_rng(3)
+    odd = [odd_frictions(with_friction(rng.normal(0.0, 0.1, 14)), order).any() for _ in range(200)]
+    assert np.mean(odd) < 0.03
+    assert not odd_frictions(with_friction(np.where(order > 4, -0.15, 0.0) + rng.normal(0.0, 0.02, 14)), order).any()
 
 
 def test_what_grows_from_run_to_run_is_not_chance() -> None:

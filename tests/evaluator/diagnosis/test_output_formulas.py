@@ -322,7 +322,7 @@ def test_a_run_unlike_the_others_of_its_command_is_told_once(monkeypatch: pytest
         (FrictionChange((0, 1, 2), 0.08, once=False), "friction rises by 8 % over the session, from r0 to r2: clean"),
     ],
 )
-def test_friction_that_changes_over_the_session_is_told_once(
+def test_friction_that_changes_over_the_session_is_told_beside_runs_unlike_the_others_after_it(
     change: FrictionChange, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Adequacy] = []
@@ -333,11 +333,15 @@ def test_friction_that_changes_over_the_session_is_told_once(
 
     monkeypatch.setattr(unlike_runs, "unlike_runs", unlike)
     monkeypatch.setattr(unlike_runs, "friction_change", lambda *_: change)
-    session = SimpleNamespace(data=RUNS, robots=(0, 0, 0), relevant=SimpleNamespace(speed_percent=1.0))
+    runs = [SimpleNamespace(**vars(run), order=number) for number, run in enumerate(RUNS)]
+    session = SimpleNamespace(data=runs, robots=(0, 0, 0), relevant=SimpleNamespace(speed_percent=1.0))
     fit = SimpleNamespace(runs=(0, 1, 2))
     left = Adequacy(1.0, 0.0, np.ones(3), np.zeros((3, 4)), np.ones((3, 4)), 1.0, "")
-    (told,) = unlike_runs.unlike(SimpleNamespace(leftover=left, follows=True, verdict="none", session=session, fit=fit))  # type: ignore[arg-type]
+    told, odd = unlike_runs.unlike(
+        SimpleNamespace(leftover=left, follows=True, verdict="none", session=session, fit=fit)
+    )  # type: ignore[arg-type]
     assert told["sentence"].startswith(said)
     assert told["runs"] == [f"r{run}" for run in change.runs]
-    # A change that is told once does not make the runs before it unlike those after.
-    assert asked[0].random_effects[:, 0] == pytest.approx([0, 0.153, 0.153] if change.once else [0, 0, 0])
+    assert odd["sentence"] == "r2: friction is 20 % lower than in the other runs"
+    # A change that is told does not make the runs before it unlike those after.
+    assert asked[0].random_effects[:, 0] == pytest.approx([0, 0.153, 0.153] if change.once else [0, -0.04, -0.08])

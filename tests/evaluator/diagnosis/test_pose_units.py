@@ -84,3 +84,17 @@ def test_commands_of_small_robots_are_left_to_their_simulation() -> None:
     assert in_another_unit(runs, [barrel] * 6) == []
     runs = [poses(number, positions=1000.0, robot=barrel) for number in range(6)]
     assert len(in_another_unit(runs, [barrel] * 6)) == 6
+
+
+@pytest.mark.parametrize(
+    ("speed", "turn", "told"), [(0.108, 0.036, True), (0.108, 0.3, False), (0.108, 0.02, False), (0.36, 0.12, False)]
+)
+def test_one_recording_that_drives_and_turns_slower_by_one_factor_has_commands_in_another_unit(
+    speed: float, turn: float, *, told: bool
+) -> None:
+    """One that only drives or only turns slower may be held; one of less than four times slower may slip."""
+    slow = [replace(poses(number, speed=speed, turn=turn), id=f"r1@{3 * number}.0s") for number in range(6)]
+    others = [replace(poses(number), id=f"r2@{3 * number - 18}.0s") for number in range(6, 12)]
+    found = in_another_unit([*slow, *others], [HUSKY] * 12)
+    assert [item.run for item in found] == [run.id for run in slow] * told
+    assert all(item.seen.startswith("drives 0.11 times as fast as commanded") for item in found)

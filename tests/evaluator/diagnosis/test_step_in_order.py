@@ -146,7 +146,7 @@ def test_runs_before_a_change_are_not_unlike_those_after_it_but_a_dirty_one_is()
     assert changed is not None
     assert (changed.runs, changed.once) == (tuple(range(2, 14)), True)
     assert {0, 1} <= {run for item in unlike_runs(left, range(14)) for run in item.runs}
-    (found,) = unlike_runs(without_change(left, range(14), changed), range(14))
+    (found,) = unlike_runs(without_change(left, range(14), changed, RUNS), range(14))
     assert (found.runs, found.what) == ((9,), "friction")
 
 
@@ -155,6 +155,18 @@ def test_friction_of_a_plate_that_gathers_dust_is_told_from_the_first_run_to_the
     assert found is not None
     assert (found.runs, found.once) == (tuple(range(14)), False)
     assert found.change == pytest.approx(-0.26, abs=0.06)
+
+
+def test_a_sticky_first_run_does_not_hide_that_friction_falls() -> None:
+    friction = 2.5 * DUSTY + SCATTER_OF_FRICTION
+    friction[0] += 0.6
+    left = with_friction(friction)
+    found = friction_change(left, range(14), RUNS)
+    assert found is not None
+    assert (found.runs, found.once) == (tuple(range(1, 14)), False)
+    assert found.change == pytest.approx(-0.3, abs=0.06)
+    (odd,) = unlike_runs(without_change(left, range(14), found, RUNS), range(14))
+    assert (odd.runs, odd.what) == ((0,), "friction")
 
 
 def test_scatter_of_friction_is_no_change_over_the_session() -> None:

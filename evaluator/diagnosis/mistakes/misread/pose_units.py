@@ -54,16 +54,17 @@ def in_another_unit(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fo
     found = []
     for group in [list(paces), *(recordings.values() if len(recordings) > 1 else [])]:
         robot = next((robot for run, robot in runs if run.id in group), None)
-        said = robot and _reading([paces[name] for name in group], robot, alone=len(group) < len(paces))
+        others = [paces[name] for name in paces if name not in group]
+        said = robot and _reading([paces[name] for name in group], robot, others)
         found += [Found(name, "wrong-unit", *said) for name in group] if said else []
         if len(found) == len(paces):  # all runs at once
             break
     return found
 
 
-def _reading(paces: Sequence[_Pace], robot: Robot, *, alone: bool) -> tuple[str, str] | None:
-    """What runs seem to be in another unit and the remedy; alone: whether others of the session are not."""
-    speed, turn = (_common([getattr(item, name) for item in paces]) for name in ("speed", "yaw"))
+def _reading(paces: Sequence[_Pace], robot: Robot, others: Sequence[_Pace]) -> tuple[str, str] | None:
+    """What runs seem to be in another unit and the remedy; others: of the session that are not."""
+    speed, turn = _common_pace(paces)
     if not np.isfinite(speed):
         return None
     times_of_turn, speed_is_far = turn / TURNS_BY, is_far(speed, FAR)
@@ -77,8 +78,10 @@ def _reading(paces: Sequence[_Pace], robot: Robot, *, alone: bool) -> tuple[str,
     if speed_is_far and only_speed_is_off:
         seen = _seen(speed, "positions", {"in mm": 1000.0, "in cm": 100.0, "in m and not in mm": 1e-3})
         return (seen, "name their columns after their unit, x_mm or x_m") if seen else None
-    # Of smaller robots a simulation tells more; a single recording may be slow because the robot is held or slips.
-    if not speed_is_far or not is_full_size(robot) or (alone and speed < 1):
+    # Of smaller robots a simulation tells more.
+    if not speed_is_far or not is_full_size(robot):
+        return None
+    if others and speed < 1 and not _is_slow_alike(speed, turn, *_common_pace(others)):
         return None
     commands = {
         "in rad/s": RPM_PER_RAD_S,
@@ -92,6 +95,21 @@ def _reading(paces: Sequence[_Pace], robot: Robot, *, alone: bool) -> tuple[str,
     seen = _seen(speed, "commands", commands)
     remedy = "give the speeds of the wheels in the unit of their column, or correct the robot file"
     return (seen, remedy) if seen else None
+
+
+def _is_slow_alike(speed: float, turn: float, usual_speed: float, usual_turn: float) -> bool:
+    """Whether a single recording drives and turns slower than the others by one factor, and its parts as well.
+
+    A robot that is held or whose wheels spin is slow, too, but not by one factor of all motions.
+    """
+    slower, slower_turn = speed / usual_speed, turn / usual_turn
+    return is_far(slower, FAR) and abs(np.log(slower_turn / slower)) < np.log(NEAR)
+
+
+def _common_pace(paces: Sequence[_Pace]) -> tuple[float, float]:
+    """Speed and yaw rate over what is commanded that most runs share; NaN for what they do not."""
+    speed, turn = (_common([getattr(item, name) for item in paces]) for name in ("speed", "yaw"))
+    return speed, turn
 
 
 def _seen(times: float, what: str, units: Mapping[str, float]) -> str:
