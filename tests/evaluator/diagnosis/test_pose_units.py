@@ -87,7 +87,7 @@ def test_commands_of_small_robots_are_left_to_their_simulation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed", "turn", "told"), [(0.108, 0.036, True), (0.108, 0.3, False), (0.108, 0.02, False), (0.36, 0.12, False)]
+    ("speed", "turn", "told"), [(0.18, 0.06, True), (0.18, 0.3, False), (0.18, 0.02, False), (0.36, 0.12, False)]
 )
 def test_one_recording_that_drives_and_turns_slower_by_one_factor_has_commands_in_another_unit(
     speed: float, turn: float, *, told: bool
@@ -97,4 +97,4 @@ def test_one_recording_that_drives_and_turns_slower_by_one_factor_has_commands_i
     others = [replace(poses(number), id=f"r2@{3 * number - 18}.0s") for number in range(6, 12)]
     found = in_another_unit([*slow, *others], [HUSKY] * 12)
     assert [item.run for item in found] == [run.id for run in slow] * told
-    assert all(item.seen.startswith("drives 0.11 times as fast as commanded") for item in found)
+    assert all(item.seen.startswith("drives 0.18 times as fast as commanded") for item in found)
