@@ -17,6 +17,7 @@ from simulator.robot import Robot
 # an effect that grows with speed, so that a strong effect in one run is visible in the other. The same holds for the
 # ratio of the wheel speeds.
 SPEED_FACTOR, SHARE_STEP = 1.25, 0.1
+ONE_FACTOR = 0.03  # difference of the factors of both sides up to which they may be one: half of their second digit
 REPEAT = "inspect the recording, or repeat the run"
 
 
@@ -89,6 +90,7 @@ def outlying_run(
     if faster != 1.0 and "wrong-command" not in equivalent:  # slip depends on ratios of speeds, so that either fits
         found = _rounded(run.command, (faster - 1, faster - 1))
         seen += f", or as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
+        seen += _of_wheels(faster)
         remedy, equivalent = f"{remedy}; or {REMEDIES['wrong-command']}", (*equivalent, "wrong-command")
     return Mistake((run.id,), reading.kind, f"{alone}: it {seen}; {remedy}", equivalent_kinds=equivalent)
 
@@ -105,11 +107,18 @@ def _rounded(command: tuple[float, ...], gains: tuple[float, float]) -> str:
     return " / ".join(f"{float(f'{speed * (1 + gain):.2g}'):g}" for speed, gain in zip(command, gains, strict=True))
 
 
+def _of_wheels(times: float) -> str:
+    """The words for wheels that are larger or smaller by the factor by which a run is faster."""
+    return f", or as if its wheels were {times:.2g} times as large (another robot?)"
+
+
 def _of_other_speeds(run: RunData, alone: str, gains: tuple[float, float]) -> Mistake:
     """The mistake of a run whose wheels turn faster or slower than commanded: another command, if it reads as one."""
     found = _rounded(run.command, gains)
     if found != _rounded(run.command, (0.0, 0.0)):
         seen = f"it moves as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
+        if abs(gains[0] - gains[1]) < ONE_FACTOR:
+            seen += _of_wheels(1 + sum(gains) / 2)
         return Mistake((run.id,), "wrong-command", f"{alone}: {seen}; {REMEDIES['wrong-command']}")
     left, right = (f"{100 * abs(gain):.1g} % {'faster' if gain > 0 else 'slower'}" for gain in gains)
     seen = f"its left wheels turn {left} than commanded, its right wheels {right}"

@@ -16,7 +16,7 @@ from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
 from evaluator.diagnosis.mistakes.misread.pose_headings import in_another_convention
 from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
 from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
-from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, exchanged_commands, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
 from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from simulator.robot import Robot
@@ -78,6 +78,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
         for sentence in (read.unread for read in reads[-1:])
         if sentence
     ]
+    found = exchanged_commands(found, {run.id: run.command for run in data if run.log is None})
     return [*mistakes_of(found, len(data), {"sides-swapped": turning}), *said]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from evaluator.interchange.commands import RunCommand
@@ -133,6 +133,23 @@ def mistakes_of(found: Sequence[Found], runs: int, showing: Mapping[Kind, int] |
                 )
             )
     return result
+
+
+def exchanged_commands(found: Sequence[Found], commands: Mapping[str, tuple[float, float]]) -> list[Found]:
+    """The mistakes, with the remedy of two runs that each moved by the command of the other; commands: by run."""
+    moved = {it.run: it.correction.command for it in found if it.correction is not None and it.kind == "wrong-command"}
+    pairs = {
+        run: other
+        for run, command in moved.items()
+        for other, of_other in moved.items()
+        if command == commands.get(other) and of_other == commands.get(run) and list(moved.values()).count(command) == 1
+    }
+    return [
+        replace(item, remedy=f"exchange the commands of {item.run} and {pairs[item.run]}")
+        if item.run in pairs and item.kind == "wrong-command"
+        else item
+        for item in found
+    ]
 
 
 def named(runs: Sequence[str]) -> str:

@@ -211,6 +211,7 @@ class RunToRunContent(TypedDict):
     friction_95: list[Number]  # its 95 % interval
     wheel_speed: Number
     wheel_speed_95: list[Number]
+    commands_rounded_to_rpm: NotRequired[float]  # step of all commands, if rounding to it explains wheel_speed
 
 
 class NoiseContent(TypedDict):

@@ -17,8 +17,6 @@ from evaluator.diagnosis.assessment.residuals.disagreeing_runs import NAMES, Run
 from evaluator.diagnosis.assessment.residuals.disagreement import QUANTITIES, UNITS
 from evaluator.diagnosis.assessment.sufficiency import not_driven
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.inference.fitted_model import prior_precision
-from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, is_shared
 from evaluator.diagnosis.mistakes.recognised import Mistake
 from evaluator.diagnosis.output.alternatives_json import next_experiment, rivals
@@ -35,10 +33,10 @@ from evaluator.diagnosis.output.content import (
     NominalContent,
     Number,
     PairContent,
-    RunToRunContent,
     WhereContent,
 )
 from evaluator.diagnosis.output.effects_json import effect_content, effects, rounded
+from evaluator.diagnosis.output.scatter_json import run_to_run
 from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_ground import acts_on_drive
@@ -263,24 +261,7 @@ def _noise(diagnosis: Diagnosis) -> NoiseContent:
         "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),
         "correlation_s": rounded(parts[0][0].correlation_s),
         "smoothed": problem.smoothed,
-        "run_to_run": None if problem.open_ground else _run_to_run(diagnosis),
-    }
-
-
-def _run_to_run(diagnosis: Diagnosis) -> RunToRunContent:
-    """Scatter from run to run in the chosen model."""
-    fit, search = diagnosis.fit, diagnosis.search
-    assert search is not None
-    model = MixedModel(fit.reduced, prior_precision(fit.columns, search.tolerance))
-    tau = fit.posterior.scatter[:2]
-    low, high = model.scatter_interval(range(len(fit.columns))).T
-    # the interval knows no bounds of effects: where one ends at a bound, the scatter takes up what it cannot
-    low, high = np.minimum(low, tau), np.maximum(high, tau)
-    return {
-        "friction": rounded(float(tau[0])),
-        "friction_95": [rounded(float(low[0])), rounded(float(high[0]))],
-        "wheel_speed": rounded(float(tau[1])),
-        "wheel_speed_95": [rounded(float(low[1])), rounded(float(high[1]))],
+        "run_to_run": None if problem.open_ground else run_to_run(diagnosis),
     }
 
 

@@ -93,9 +93,15 @@ def scatter_sentence(content: Json) -> str:
     if left <= MISSED * gap["noise_floor"]:
         return ""
     friction, speed = (scatter_text(scatter, key) for key in ("friction", "wheel_speed"))
+    step = scatter.get("commands_rounded_to_rpm")
+    rounding = (
+        f" Commands rounded to {step:g} rpm vary so much, and all commands of the file are: give what was sent."
+        if step
+        else ""
+    )
     return (
         "A prediction knows neither the errors of the start pose nor what varies from run to run: friction by "
-        f"{friction}, wheel speeds by {speed} (1 sigma)."
+        f"{friction}, wheel speeds by {speed} (1 sigma).{rounding}"
     )
 
 

@@ -17,7 +17,7 @@ from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, corre
 from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, _worst_of_good, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
-from evaluator.diagnosis.mistakes.recognised import Correction, Found, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind, exchanged_commands, mistakes_of
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
@@ -195,13 +195,16 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
         for gains, of_gains in (((0.2, 0.2), False), ((0.2, 0.14), True)):
             sentence = outlying_run(run, others, ROBOT, gains=gains).sentence
             assert ("moves as if it were commanded about" in sentence) == (of_gains or kind == "wrong-command")
+    faster = outlying_run(run, others, ROBOT, gains=(0.11, 0.09)).sentence
+    assert ", or as if its wheels were 1.1 times as large (another robot?); check which command" in faster
+    assert "another robot" not in outlying_run(run, others, ROBOT, gains=(0.12, 0.08)).sentence
     slow = Found("r0", "wrong-rate", "moves so", "mend it", ("late-start",), Correction(seconds_times=1.25))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: slow)
     named = outlying_run(replace(run, left_rpm=-15.0, right_rpm=-18.0), others, ROBOT)
     assert named.equivalent_kinds == ("late-start", "wrong-command")
     assert named.sentence.endswith(
-        "it moves so, or as if it were commanded about -19 / -22 rpm, not -15 / -18; mend it; or check which command "
-        "belongs to this recording"
+        "it moves so, or as if it were commanded about -19 / -22 rpm, not -15 / -18, or as if its wheels were 1.2 "
+        "times as large (another robot?); mend it; or check which command belongs to this recording"
     )
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
@@ -285,3 +288,23 @@ def test_a_copy_has_ten_frames_or_more(frames: int, told: bool) -> None:
     run = driven(1)
     short = replace(run, time_s=run.time_s[:frames], marks_mm=run.marks_mm[:frames])
     assert bool(copies([short, replace(short, id="copy")])) == told
+
+
+def test_two_runs_that_moved_by_each_others_command_are_to_be_exchanged() -> None:
+    def moved_by(run: str, command: tuple[float, float], kind: Kind = "wrong-command") -> Found:
+        return Found(run, kind, "moves", "check it", (), Correction(command=command))
+
+    commands = {"r0": (30.0, 10.0), "r1": (20.0, 40.0), "r2": (50.0, 50.0)}
+    pair = [moved_by("r0", (20.0, 40.0)), moved_by("r1", (30.0, 10.0))]
+    assert [item.remedy for item in exchanged_commands(pair, commands)] == [
+        "exchange the commands of r0 and r1",
+        "exchange the commands of r1 and r0",
+    ]
+    for others in (
+        [pair[0], moved_by("r1", (50.0, 50.0))],  # one of them by that of a third run
+        [*pair, moved_by("r2", (20.0, 40.0))],  # or two by the same
+        [pair[0], moved_by("r1", (30.0, 10.0), "reversed")],
+        pair[:1],
+    ):
+        assert "check it" in {item.remedy for item in exchanged_commands(others, commands)}
+        assert exchanged_commands(others, commands)[0].remedy == "check it"

@@ -106,5 +106,9 @@ def test_what_varies_from_run_to_run_is_said_where_a_prediction_misses_it() -> N
     ) in scatter_sentence({**content, "noise": {"run_to_run": known}})
     assert scatter_sentence({**content, "verdict": "unknown"}) == ""
     assert scatter_sentence({**content, "noise": {"run_to_run": None}}) == ""
+    rounding = scatter_sentence({**content, "noise": {"run_to_run": {**known, "commands_rounded_to_rpm": 5.0}}})
+    assert rounding.endswith(
+        "Commands rounded to 5 rpm vary so much, and all commands of the file are: give what was sent."
+    )
     assert scatter_sentence({**content, "gap": {**gap, "predicted": {"after": {"fit": 0.0119}}}}) == ""
     assert scatter_sentence({**content, "gap": {"noise_floor": 0.006}}) == ""

@@ -59,7 +59,11 @@ def alternatives(
     return [
         Alternative(None, run),
         *_same_speeds(run),
-        Alternative("marks-swapped", exchanged, "moves as if its two marks were exchanged"),
+        Alternative(
+            "marks-swapped",
+            exchanged,
+            f"moves as if its {'headings were turned by 180°' if run.from_poses else 'two marks were exchanged'}",
+        ),
         Alternative("mirrored", mirrored, "moves as if seen in a mirror"),
         *(
             Alternative(

@@ -319,7 +319,8 @@ def _judged(
         seen = f"contradicts its file, and no usual mistake fits; the nearest: {evidence}"
         return Found(ways[0].run.id, kind, seen, "check what was commanded, and inspect the recording", others)
     seen, correction = f"{words} ({apart}corrected)", correction_to(near[kind][1], ways[0])
-    remedy = "; or ".join(REMEDIES[one] for one in (kind, *others))
+    remedies = REMEDIES | ({"marks-swapped": TURN_HEADINGS} if ways[0].run.from_poses else {})
+    remedy = "; or ".join(remedies[one] for one in (kind, *others))
     return Found(ways[0].run.id, kind, seen, remedy, others, correction)
 
 
@@ -333,6 +334,7 @@ REMEDIES: dict[Kind, str] = {
     "wrong-command": "check which command belongs to this recording",
     "late-start": "shift the times of its command log (start_s)",
 }
+TURN_HEADINGS = "add 180° to its headings"
 
 
 def _extent(marks: Floats, measured: Floats) -> float:
