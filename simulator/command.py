@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
-from simulator.units import line_of, numbers_of, read_table
+from simulator.units import line_of, numbers_of, read_table, with_seconds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -205,11 +205,11 @@ def _columns_of_log(
 ) -> tuple[Array, Array, Array]:
     """Time in s and both sides in rpm of a command log. Raises OSError, SimulationError that names line or column.
 
-    Columns: time_s (or _ms, _us, _ns), and left_rpm, right_rpm (or _rad_s); or speeds of the wheels' surface, left_m_s,
-    right_m_s, which need the radius of the wheels; or velocities of the robot, forward_m_s and yaw_rate_rad_s, which
-    need its track, too. Other columns are left alone.
+    Columns: time_s (or _ms, _us, _ns, or timestamp in ISO 8601), and left_rpm, right_rpm (or _rad_s); or speeds of the
+    wheels' surface, left_m_s, right_m_s, which need the radius of the wheels; or velocities of the robot, forward_m_s
+    and yaw_rate_rad_s, which need its track, too. Other columns are left alone.
     """
-    table = read_table(Path(path))
+    table = with_seconds(read_table(Path(path)))
     units: dict[str, Mapping[str, float]] = {"time": SECONDS, "left": RPM, "right": RPM}
     if not any(f"{side}_{unit}" in table for side in ("left", "right") for unit in RPM):
         if any(f"{side}_{unit}" in table for side in ("left", "right") for unit in M_S):

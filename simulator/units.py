@@ -24,6 +24,7 @@ OTHER_ENDINGS: dict[str, dict[str, float]] = {
     "mN": {"N": 1e3},
     "g": {"kg": 1e3},
 }
+DATES = ("time", "timestamp", "stamp", "date", "datetime", "date_time", "utc")  # columns of dates with times
 
 
 def in_standard_units(content: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
@@ -84,6 +85,26 @@ def read_table(path: Path) -> pd.DataFrame:
     used = table.iloc[: filled[-1] + 1 if len(filled) else 0]
     used.attrs["lines_before"] = before
     return used
+
+
+def with_seconds(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with dates and times (ISO 8601) as time_s, seconds since 1970; as it is if it has a time with a unit.
+
+    Times without an offset are taken as UTC.
+    """
+    import pandas as pd
+
+    if any(str(name).startswith("time_") for name in table):
+        return table
+    for name in table:
+        cells = table[name]
+        if str(name).strip().lower() in DATES and pd.api.types.is_string_dtype(cells.dtype):
+            times = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
+            if not (times.isna() & cells.notna()).any():
+                found = table.assign(time_s=(times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1))
+                found.attrs = table.attrs
+                return found
+    return table
 
 
 def line_of(table: pd.DataFrame, row: int) -> int:

@@ -30,12 +30,14 @@ from evaluator.marks import check_marks, repeats
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
 from evaluator.wording import counted
 from simulator.command import SECONDS
+from simulator.units import DATES, with_seconds
 
 Array = NDArray[np.float64]
 
 MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
 QUATERNION = ("qx", "qy", "qz", "qw")
+HEADINGS = {"qz", *(f"heading_{unit}" for unit in RAD_PER)}
 TUM_COLUMNS = 8  # time, three coordinates and a quaternion; EuRoC's begins with the same ones
 KITTI_COLUMNS = 12  # the first three rows of a matrix
 # Larger times are those of clocks that count from 1970 or from the start of a computer; they are shifted to begin at 0.
@@ -107,6 +109,8 @@ def holds_poses(path: Path) -> bool:
         return False
     cells = set(cells_of(first, delimiter_of(first)))
     timed = any(f"time_{unit}" in cells for unit in SECONDS)
+    # a column of dates with times may be one of marks without a unit, too, but these have no heading
+    timed |= any(cell.strip().lower() in DATES for cell in cells) and bool(cells & HEADINGS)
     table = timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
     return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
 
@@ -225,7 +229,7 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
 
 
 def _from_csv(path: Path) -> pd.DataFrame:
-    table = read_table(path)
+    table = with_seconds(read_table(path))
     found: dict[str, Array] = {}
     _take(path, table, "time", SECONDS, "s", found)
     for name in ("x", "y", "x_sigma", "y_sigma"):
@@ -240,7 +244,8 @@ def _from_csv(path: Path) -> pd.DataFrame:
     if missing:
         raise InputError(
             f"{path}: lacks {', '.join(missing)}; poses have time_s, x_mm, y_mm, heading_deg "
-            f"(or time_ns, x_m, heading_rad, qx, qy, qz, qw; found: {', '.join(map(str, table.columns))})"
+            f"(or time_ns, timestamp in ISO 8601, x_m, heading_rad, qx, qy, qz, qw; "
+            f"found: {', '.join(map(str, table.columns))})"
         )
     return pd.DataFrame(found)
 

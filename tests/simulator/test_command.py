@@ -74,6 +74,23 @@ def test_speeds_of_wheels_and_velocities_are_read_with_the_wheels_of_the_control
         Command.held(log)
 
 
+def test_dates_with_times_are_seconds_since_1970_and_without_an_offset_utc(tmp_path: Path) -> None:
+    (tmp_path / "dated.csv").write_text(
+        "Time,left_rpm,right_rpm\n2026-03-29T00:59:50.5Z,10,20\n2026-03-29 02:00:00.25+01:00,30,40\n"
+        "2026-03-29T01:00:01,0,0\n"
+    )
+    found = Command.held(tmp_path / "dated.csv")
+    assert np.unique(found.time_s).tolist() == pytest.approx([1774745990.5, 1774746000.25, 1774746001.0], abs=1e-6)
+    for clock, said in (
+        ("09:30:01", "lacks time_s"),
+        ("2026-13-01T00:00:00", "lacks time_s"),
+        ("12.5", "lacks time_s"),
+    ):
+        (tmp_path / "none.csv").write_text(f"Time,left_rpm,right_rpm\n{clock},10,20\n")
+        with pytest.raises(SimulationError, match=said):
+            Command.held(tmp_path / "none.csv")
+
+
 def test_a_command_within_a_time_is_the_same_there_and_holds_its_ends(tmp_path: Path) -> None:
     command = Command.held(written(tmp_path, LOG))
     part = command.within(2.0, 5.0)

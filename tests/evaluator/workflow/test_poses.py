@@ -140,11 +140,16 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
     named = pd.DataFrame(tum[:, 3:], columns=["z", "qx", "qy", "qz", "qw"]).assign(x_m=tum[:, 1], y_m=tum[:, 2])
     named.assign(time_ns=np.rint(1e9 * tum[:, 0]).astype(np.int64)).to_csv(tmp_path / "named.csv", index=False)
     assert holds_poses(tmp_path / "named.csv")
+    clock = pd.to_datetime(np.rint(1e9 * tum[:, 0]).astype(np.int64), utc=True)
+    dated = {"dated.csv": clock.strftime("%Y-%m-%dT%H:%M:%S.%fZ"), "east.csv": clock.tz_convert("+05:30").map(str)}
+    for name, dates in dated.items():
+        named.assign(timestamp=dates).to_csv(tmp_path / name, index=False)
+        assert holds_poses(tmp_path / name)
     for header in ('"time_s","x_mm","y_mm"', "time_s\tx_mm\ty_mm"):  # of R, and of spreadsheets
         (tmp_path / "header.csv").write_text(f"{header}\n")
         assert holds_poses(tmp_path / "header.csv")
     first = read_poses(tmp_path / "mm.csv").table
-    for name in ("m.csv", "tum.txt", "euroc.csv", "named.csv"):
+    for name in ("m.csv", "tum.txt", "euroc.csv", "named.csv", *dated):
         other = read_poses(tmp_path / name)
         assert np.allclose(other.table["time_s"], first["time_s"], atol=1e-6)
         for column in ("x_mm", "y_mm", "heading_deg"):
