@@ -251,14 +251,19 @@ def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diag
 
 
 def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis again, if values of the laboratory changed within the session, with them free after the change."""
+    """The diagnosis again, if values of the laboratory changed within the session, with them free after the change.
+
+    The first one stays if the second is as undecided: what no model follows may look like a change of anything.
+    """
     if found.search is None or found.search.problem.open_ground:
         return found
     changed = with_changed_values(found.search, found.fit, found.session, progress)
     if changed is None:
         return found
     progress("values that changed within the session", 0.1)
-    return _searched(changed, progress, fits)
+    again = _searched(changed, progress, fits)
+    undecided = ("unknown", "insufficient")
+    return found if found.verdict in undecided and again.verdict in undecided else again
 
 
 def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:

@@ -29,10 +29,10 @@ def finding_sentences(content: Json) -> list[str]:
 
 def changed_sentence(content: Json) -> str:
     """Values that changed between two runs of the session, and were fitted apart; empty without any."""
-    changed = [item for item in content.get("known_to") or [] if item.get("from_run")]
+    changed = [item for item in content.get("known_to") or [] if item.get("from_run") and _is_off(item)]
     if not changed:
         return ""
-    parts = [f"{str(item['name']).partition(', from')[0]} by {_with_bounds(item)}" for item in changed if _is_off(item)]
+    parts = [f"{str(item['name']).partition(', from')[0]} by {_with_bounds(item)}" for item in changed]
     return as_sentence(
         f"These values changed within the session, from {changed[0]['from_run']} on, and were fitted apart before and "
         f"after: {'; '.join(parts)}. What was set up, glued on or calibrated anew there? Diagnose the runs before and "

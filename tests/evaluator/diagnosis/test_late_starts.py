@@ -71,3 +71,22 @@ def test_starts_that_the_file_leaves_out_are_said_to_be_late_though_all_are(late
     assert kinds(found) == [(f"r{number}", "late-start") for number in range(8 * told)]
     assert all("start_s, which is not given, counts as 0.5" in item.seen for item in found)
     assert all(abs(item.correction.later_s - late_s) < 0.03 for item in found if item.correction)
+
+
+@pytest.mark.parametrize("late", [4, 6, 8, 9])
+@pytest.mark.parametrize("late_s", [0.3, -0.3, 0.15])
+def test_of_two_groups_the_one_at_start_s_is_right_however_small(late: int, late_s: float) -> None:
+    runs = [driven(number, begins_s=0.5 + late_s * (number >= 12 - late)) for number in range(12)]
+    found = late_starts(runs, [ROBOT] * 12)
+    assert kinds(found) == [(f"r{number}", "late-start") for number in range(12 - late, 12)]
+    assert all(item.correction.later_s == pytest.approx(late_s, abs=0.03) for item in found if item.correction)
+
+
+def test_two_runs_of_twelve_in_time_are_early_beside_the_lag_of_the_others() -> None:
+    runs = [driven(number, begins_s=0.5 + 0.3 * (number > 1)) for number in range(12)]
+    assert kinds(late_starts(runs, [ROBOT] * 12)) == [("r0", "late-start"), ("r1", "late-start")]
+
+
+def test_starts_that_spread_have_no_groups() -> None:
+    runs = [driven(number, begins_s=0.5 + 0.06 * number) for number in range(12)]
+    assert late_starts(runs, [ROBOT] * 12) == []

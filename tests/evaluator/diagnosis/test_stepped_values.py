@@ -169,6 +169,7 @@ def test_a_change_is_told_as_that_and_not_as_a_value_off_its_tolerance(changed: 
     assert "along y" not in sentence
     assert preferred_sentence(content) == ""
     assert changed_sentence({"known_to": [{**item, "from_run": None}]}) == ""
+    assert changed_sentence({"known_to": [zero]}) == ""
 
 
 def test_a_change_is_no_evidence_against_the_tolerances() -> None:

@@ -22,6 +22,7 @@ LATE_SPREADS = 6.0  # times the scatter of the starts in the session
 # left to the diagnosis; a longer one is a forgotten start.
 MOTORS_S = 0.3
 SLOWEST_S = 1.0  # if the file states start_s: a drive of a metre that follows half of its command after 0.65 s is slow
+FEWEST_OF_GROUP = 3  # runs; one or two of the others do not move the median
 LATE_SIGMAS = 5.0  # standard errors of the start: for the largest of two dozen runs, with slightly heavy tails
 
 
@@ -119,5 +120,16 @@ def _told(run: RunData, later_s: float, *, forgotten: bool) -> Found:
 
 
 def _usual(values: Sequence[float]) -> tuple[float, float]:
-    """Median of some values, and their spread about it (median absolute deviation, as a standard deviation)."""
-    return float(np.median(values)), robust_sigma(values)
+    """Median of some values, and their spread about it (median absolute deviation, as a standard deviation).
+
+    Of two groups, each of FEWEST_OF_GROUP or more, that lie farther apart than a late start from its others, only those
+    nearer to zero: the file says when half of the runs start, and not when the other half does.
+    """
+    ordered = np.sort(values)
+    gaps = np.diff(ordered)
+    widest = int(np.argmax(gaps))
+    groups = ordered[: widest + 1], ordered[widest + 1 :]
+    within = max(robust_sigma(group) for group in groups)
+    if min(map(len, groups)) >= FEWEST_OF_GROUP and gaps[widest] > max(LATE_S, LATE_SPREADS * within):
+        ordered = min(groups, key=lambda group: abs(float(np.median(group))))
+    return float(np.median(ordered)), robust_sigma(ordered)
