@@ -69,7 +69,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("parts")
 def test_every_key_of_a_fitted_diagnosis_holds_what_it_is_named_after() -> None:
     def known(key: str, found: float, *, finding: bool = False, equivalent: tuple[str, ...] = ()) -> Any:
-        quantity = SimpleNamespace(key=key, name=f"the {key}", unit="mm", sigma=0.5)
+        quantity = SimpleNamespace(key=key, name=f"the {key}", unit="mm", sigma=0.5, since="")
         return SimpleNamespace(
             quantity=quantity,
             found=found,

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis.assessment.verdict import Verdict
 from evaluator.diagnosis.diagnosis import UNSIMULATED, _completed, _diagnosed
 from evaluator.diagnosis.diverging_runs import DIVERGING
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.inference.watch import SearchStoppedError
+from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
@@ -46,6 +47,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
     monkeypatch.setattr(module, "without_cancelling", lambda search: (search, ""))
     monkeypatch.setattr(module, "reviewed", lambda found: found)
+    monkeypatch.setattr(module, "_with_changed_values", lambda found, *_: found)
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
     monkeypatch.setattr(module, "suspected_runs", lambda _: [])
     monkeypatch.setattr(module, "_in_parts", lambda found, _: steps.append(("_in_parts", found)) or found)
@@ -237,3 +239,33 @@ def test_runs_to_record_next_are_those_of_the_answer_and_none_without_a_search(
     assert asked == [("search", TILT, "standing", apart or {}, ("k",))]
     assert _completed(replace(found, verdict="unknown"), no_progress).limits == ()
     assert np.isnan(found.confirmation)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "taken"),
+    [
+        ("none", "effect", "second"),
+        ("effect", "unknown", "second"),
+        ("unknown", "none", "second"),
+        ("insufficient", "effect", "second"),
+        ("unknown", "insufficient", "first"),  # what no model follows may look like a change of anything
+        ("insufficient", "unknown", "first"),
+    ],
+)
+def test_values_that_changed_within_the_session_are_freed_and_it_is_diagnosed_again(
+    first: Verdict, second: Verdict, taken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, changed = session_of(4), session_of(4, start_sigma_s=1.0)
+    search: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=False), fits={frozenset(): "fit"})
+    found = {"first": Diagnosis(first, "", session, search=search), "second": Diagnosis(second, "", changed)}
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "with_changed_values", lambda *given: asked.append(given[:3]) or changed)
+    monkeypatch.setattr(module, "_searched", lambda session, *_: found["second"] if session is changed else None)
+    assert module._with_changed_values(found["first"], Watch(), None) is found[taken]
+    assert asked == [(search, "fit", session)]
+    monkeypatch.setattr(module, "with_changed_values", lambda *_: None)
+    assert module._with_changed_values(found["first"], Watch(), None) is found["first"]
+    for left_alone in (SimpleNamespace(problem=SimpleNamespace(open_ground=True)), None):
+        alone: Any = Diagnosis(first, "", session, search=left_alone)  # type: ignore[arg-type]
+        monkeypatch.setattr(module, "with_changed_values", lambda *_: pytest.fail("asked"))
+        assert module._with_changed_values(alone, Watch(), None) is alone
