@@ -246,15 +246,16 @@ def rivals_sentence(content: Json) -> str:
 def _possible(content: Json) -> Json | None:
     """The best rival that is more probable than the verdict, if it has a name and strains no tolerances.
 
-    An effect that is told as a value beyond its tolerance is no rival of that.
+    An effect that is told as a value beyond its tolerance is no rival of that, alone or beside those found.
     """
     told = _told_as_values(content)
+    answer = {str(effect.get("id")) for effect in content.get("effects") or []}
     for rival in content.get("rivals") or []:
         if not isinstance(rival, dict):
             continue
         effects, odds = rival.get("effects") or [], rival.get("log_odds")
         named = effects and not any(str(effect).startswith(PREFIX) for effect in effects)
-        strained = rival.get("strains") or set(effects) <= told
+        strained = rival.get("strains") or (set(effects) & told and set(effects) <= told | answer)
         if named and odds is not None and odds > REPORTED_LOG_ODDS and not strained:
             return rival
     return None

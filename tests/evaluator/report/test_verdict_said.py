@@ -49,6 +49,9 @@ def test_an_effect_that_is_told_as_a_value_beyond_its_tolerance_is_no_rival_of_t
     more = {**rival, "effects": ["drive-speed-mismatch", "dead-band"]}
     assert "dead-band" in rivals_sentence({**content, "findings": [finding], "rivals": [more]})
     assert "drive-speed-mismatch" in rivals_sentence({**content, "findings": ["track: off by +0.2 mm"]})
+    found = {**content, "verdict": "effect", "effects": [{"id": "dead-band"}], "rivals": [more]}
+    assert rivals_sentence({**found, "findings": [finding]}) == ""
+    assert "dead-band" in rivals_sentence({**found, "findings": []})
 
 
 def test_a_free_form_term_that_may_be_zero_is_told_after_the_effects() -> None:
