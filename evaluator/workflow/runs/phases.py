@@ -19,6 +19,8 @@ from evaluator.turning.clock import MOST_LATE_S, CommandDelay, command_delay, mo
 
 # Shorter intervals are not phases, because a joystick passes through many intermediate values.
 FEWEST_FRAMES = 12
+# Times of a log in another time zone than those of the recording; by chance they are so near once in thirty.
+HALF_HOUR_S, NEAR_ZONE_S = 1800.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -114,9 +116,11 @@ def start_by_motion(run: Run, run_command: RunCommand, poses: Poses) -> str:
     offset = _offset(run_command, poses.time_s[there], pose, 0.0)
     if offset is None:
         return ""
-    return (
-        f"; the motion follows the log with start_s = {run.start_s + offset.value_s:.2f} (delay of the motors included)"
-    )
+    hours = round(offset.value_s / HALF_HOUR_S) / 2  # the least difference of two time zones in one place
+    zone = abs(offset.value_s - 3600 * hours) < NEAR_ZONE_S and hours
+    of_zone = f"; {abs(hours):g} h, as of two time zones or of summer time" if zone else ""
+    found_s = run.start_s + offset.value_s
+    return f"; the motion follows the log with start_s = {found_s:.2f} (delay of the motors included{of_zone})"
 
 
 def _stretches(run_command: RunCommand, time_s: NDArray[np.float64], late: CommandDelay) -> Iterator[Phase]:

@@ -80,6 +80,26 @@ def test_the_start_that_fits_the_motion_is_told_where_a_log_and_a_dozen_poses_ar
     assert phases.start_by_motion(run, LOG, poses()) == ""
 
 
+@pytest.mark.parametrize(
+    ("offset_s", "said"),
+    [
+        (-3599.8, "; 1 h, as of two time zones or of summer time)"),
+        (19_829.0, "; 5.5 h, as of two time zones or of summer time)"),
+        (1829.0, "; 0.5 h, as of"),
+        (1831.0, "included)"),
+        (29.0, "included)"),
+    ],
+)
+def test_a_log_in_another_time_zone_is_told_as_that(
+    offset_s: float, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(phases, "_offset", lambda *_: LogOffset(offset_s, 0, 0))
+    run: Any = SimpleNamespace(start_s=0.5)
+    sentence = phases.start_by_motion(run, LOG, poses())
+    assert f"start_s = {offset_s + 0.5:.2f} (delay of the motors included" in sentence
+    assert said in sentence
+
+
 def a_run(**more: Any) -> Any:
     usual = dict.fromkeys(("video", "marks", "poses", "camera", "topics", "rate_hz", "commands"))
     run = SimpleNamespace(**{**usual, "id": "r", "start_s": None, "source": Path("r.csv"), **more})
