@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 MM_PER = {
     "um": 1e-3,
@@ -45,3 +46,11 @@ def with_bounds(value: float, low: float, high: float) -> tuple[str, str, str]:
 def power_of_ten(exponent: float) -> str:
     """A factor with too many digits, as a power of ten: "10⁶⁰⁸"."""
     return f"10{f'{exponent:.0f}'.translate(SUPERSCRIPTS)}"
+
+
+def name_of_value(key: str) -> str:
+    """The name of a value of robot.toml by its dotted key, without its unit: "lateral friction"."""
+    name = key.rpartition(".")[2]
+    if key.startswith("magnetic_attraction."):
+        return f"attraction of a {name.removesuffix('_mN').replace('_', ' ')}"
+    return re.sub(r"_(mm|m|g|kg|mN|deg|g_mm2)$", "", name).replace("_", " ")

@@ -40,6 +40,7 @@ from evaluator.diagnosis.output.scatter_json import run_to_run
 from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_ground import acts_on_drive
+from evaluator.wording import name_of_value
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
 FRICTIONS = ("slip.longitudinal_friction", "slip.lateral_friction")
@@ -284,7 +285,7 @@ def _far_nominal(diagnosis: Diagnosis) -> list[str]:
     """Sentences on nominal values far beyond their relative tolerance, of a model that follows the runs."""
     told = {item.quantity.key for item in diagnosis.known}
     return [
-        f"{key.split('.')[-1].replace('_', ' ')}: off by {100 * change:+.2g} %, tolerance {100 * tolerance:.2g} %"
+        f"{name_of_value(key)}: off by {100 * change:+.2g} %, tolerance {100 * tolerance:.2g} %"
         for key, item in (_nominal(diagnosis) if diagnosis.follows else {}).items()
         for change, tolerance in [(item["relative_change"] or 0.0, item["tolerance"])]
         if key not in told and abs(change) > FINDING_SIGMAS * tolerance

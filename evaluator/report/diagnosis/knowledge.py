@@ -10,6 +10,7 @@ from evaluator.report.diagnosis.words import as_sentence, effect_words
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 from evaluator.turning.motion.curvature import Z_975
+from evaluator.wording import name_of_value
 
 Json = dict[str, Any]
 
@@ -43,8 +44,8 @@ def changed_sentence(content: Json) -> str:
 def preferred_sentence(content: Json) -> str:
     """Values with a tolerance whose fitted deviations exclude 0 (95 %), the farthest first; empty without any.
 
-    Of the nominal values with a relative tolerance only those that are far from the stated ones. All nominal values of
-    the robot are left out if they are no finding (see predicted_sentence).
+    All nominal values of the robot are left out if they are no finding (see predicted_sentence). Beside values that are
+    far from the stated ones stand the effects that would move the marks alike.
     """
     known = [item for item in content.get("known_to") or [] if not item.get("from_run")]  # these are told as changes
     if predicts_worse(content):
@@ -52,11 +53,12 @@ def preferred_sentence(content: Json) -> str:
     else:
         told = {item["quantity"] for item in known}
         nominal = [_in_percent(key, item) for key, item in (content.get("nominal") or {}).items() if key not in told]
-        known = [*known, *(item for item in nominal if _tolerances(item) > FAR)]
+        known = [*known, *nominal]
     parts = []
     for item in sorted(known, key=_tolerances, reverse=True):
         if _is_off(item):
-            far = f" ({_tolerances(item):.1f} tolerances)" if _tolerances(item) > FAR else ""
+            alike = "".join(f", or {effect}" for effect in item.get("equivalent") or [])
+            far = f" ({_tolerances(item):.1f} tolerances{alike})" if _tolerances(item) > FAR else ""
             parts.append(f"{item.get('name') or item['quantity']} {_with_bounds(item)}{far}")
     return as_sentence(f"Of the values with a tolerance, the data prefer: {'; '.join(parts)}") if parts else ""
 
@@ -65,8 +67,14 @@ def _in_percent(key: str, item: Json) -> Json:
     """A nominal value with a relative tolerance in the form of one in known_to, in percent."""
     found, reach = 100 * item["relative_change"], 100 * Z_975 * item["sigma"]
     bounds = {"low": found - reach, "high": found + reach}
-    name = key.rsplit(".", maxsplit=1)[-1].replace("_", " ")
-    return {"quantity": key, "name": name, "unit": "%", "taken": 100 * item["tolerance"], "found": found, **bounds}
+    return {
+        "quantity": key,
+        "name": name_of_value(key),
+        "unit": "%",
+        "taken": 100 * item["tolerance"],
+        "found": found,
+        **bounds,
+    }
 
 
 def negligible_sentence(content: Json) -> str:

@@ -305,19 +305,26 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
         "Of the values with a tolerance, the data prefer: far −2.50 mm [−2.60, −2.40] (2.5 tolerances); "
         "next 1.90 mm [1.80, 2.00]; near 1.00 mm [0.90, 1.10]."
     )
+    alike = {"equivalent": ["drive-speed-scale", "time-base"]}
+    assert preferred_sentence({"known_to": [{**item, **alike} for item in items[:2]]}).endswith(
+        "far −2.50 mm [−2.60, −2.40] (2.5 tolerances, or drive-speed-scale, or time-base); near 1.00 mm [0.90, 1.10]."
+    )
 
 
-def test_nominal_values_far_beyond_their_relative_tolerance_are_told_in_percent() -> None:
+def test_nominal_values_with_a_relative_tolerance_are_told_in_percent() -> None:
     """Friction 3 tolerances off stood in no sentence, and beside it a wheel radius 0.6 off."""
     nominal = {
         "slip.lateral_friction": {"relative_change": 0.152, "sigma": 0.035, "tolerance": 0.05},
         "slip.longitudinal_friction": {"relative_change": -0.09, "sigma": 0.03, "tolerance": 0.05},  # 1.8 tolerances
+        "slip.lateral_shape": {"relative_change": 0.05, "sigma": 0.03, "tolerance": 0.05},  # 0 is within its interval
+        "magnetic_attraction.driven_wheel_mN": {"relative_change": 0.23, "sigma": 0.078, "tolerance": 0.1},
         "wheels.radius_mm": {"relative_change": 0.5, "sigma": 0.01, "tolerance": 0.005},  # told as a length
     }
     known = {"unit": "mm", "taken": 0.0025, "found": -0.0015, "low": -0.002, "high": -0.001, "name": "radius"}
     told = preferred_sentence({"nominal": nominal, "known_to": [{"quantity": "wheels.radius_mm", **known}]})
     assert told == (
         "Of the values with a tolerance, the data prefer: lateral friction 15 % [8, 22] (3.0 tolerances); "
+        "attraction of a driven wheel 23 % [8, 38] (2.3 tolerances); longitudinal friction −9 % [−15, −3]; "
         "radius −0.0015 mm [−0.0020, −0.0010]."
     )
 
