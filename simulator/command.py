@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.errors import SimulationError
-from simulator.units import line_of, numbers_of, read_table, with_seconds
+from simulator.units import line_of, numbers_of, read_table, with_plain_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -209,7 +209,7 @@ def _columns_of_log(
     wheels' surface, left_m_s, right_m_s, which need the radius of the wheels; or velocities of the robot, forward_m_s
     and yaw_rate_rad_s, which need its track, too. Other columns are left alone.
     """
-    table = with_seconds(read_table(Path(path)))
+    table = with_plain_columns(read_table(Path(path)))
     units: dict[str, Mapping[str, float]] = {"time": SECONDS, "left": RPM, "right": RPM}
     if not any(f"{side}_{unit}" in table for side in ("left", "right") for unit in RPM):
         if any(f"{side}_{unit}" in table for side in ("left", "right") for unit in M_S):

@@ -24,6 +24,8 @@ OTHER_ENDINGS: dict[str, dict[str, float]] = {
     "mN": {"N": 1e3},
     "g": {"kg": 1e3},
 }
+UNIT_IN_BRACKETS = re.compile(r"\s*(\w.*?)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*")
+OTHER_UNITS = {"°": "deg", "µs": "us", "sec": "s", "seconds": "s", "1/min": "rpm"}
 DATES = ("time", "timestamp", "stamp", "date", "datetime", "date_time", "utc")  # columns of dates with times
 
 
@@ -87,13 +89,15 @@ def read_table(path: Path) -> pd.DataFrame:
     return used
 
 
-def with_seconds(table: pd.DataFrame) -> pd.DataFrame:
-    """A table with dates and times (ISO 8601) as time_s, seconds since 1970; as it is if it has a time with a unit.
+def with_plain_columns(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with the columns of other programs renamed: "Time [s]" is time_s, and dates with times are time_s, too.
 
-    Times without an offset are taken as UTC.
+    Dates (ISO 8601) become seconds since 1970, if the table has no other time; without an offset they are UTC.
     """
     import pandas as pd
 
+    names = {name: plain_name(str(name)) for name in table}
+    table = table.rename(columns={name: plain for name, plain in names.items() if plain not in table})
     if any(str(name).startswith("time_") for name in table):
         return table
     for name in table:
@@ -105,6 +109,15 @@ def with_seconds(table: pd.DataFrame) -> pd.DataFrame:
                 found.attrs = table.attrs
                 return found
     return table
+
+
+def plain_name(name: str) -> str:
+    """A name with its unit in brackets as a key with a suffix: "Left wheel (rad/s)" is left_wheel_rad_s."""
+    found = UNIT_IN_BRACKETS.fullmatch(name)
+    if found is None:
+        return name
+    unit = re.sub(r"\W+", "_", OTHER_UNITS.get(found[2], found[2]))
+    return f"{re.sub(r'[^0-9A-Za-z]+', '_', found[1].lower())}_{unit}"
 
 
 def line_of(table: pd.DataFrame, row: int) -> int:

@@ -21,6 +21,7 @@ from evaluator.interchange.delimited_text import cells_of, delimiter_of, lines_o
 from evaluator.interchange.named_points import FileHints, NamedPoints
 from evaluator.wording import MM_PER
 from simulator.command import SECONDS
+from simulator.units import plain_name
 
 FRAMES = ("frame", "frame_number", "frame_index", "frame_no", "frame_idx", "slice", "index")
 # Columns that name the point of a row, in order of preference: TrackMate also writes an ID that differs in every row.
@@ -78,8 +79,8 @@ def columns_of(header: str) -> _Columns | None:
 
 
 def _plain_name(name: str) -> str:
-    """Name of a column in small letters: TrackMate's POSITION_X is x, and "Track n°" of ImageJ is track."""
-    return re.sub(r" n\W*$", "", name.lower()).removeprefix("position_")
+    """Name of a column in small letters: TrackMate's POSITION_X is x, "Track n°" of ImageJ track, "Time [s]" time_s."""
+    return re.sub(r" n\W*$", "", plain_name(name).lower()).removeprefix("position_")
 
 
 def read_plain(path: Path, said: FileHints) -> NamedPoints:

@@ -30,7 +30,7 @@ from evaluator.marks import check_marks, repeats
 from evaluator.pose import OK, Poses, unwrapped_across_gaps
 from evaluator.wording import counted
 from simulator.command import SECONDS
-from simulator.units import DATES, with_seconds
+from simulator.units import DATES, plain_name, with_plain_columns
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def holds_poses(path: Path) -> bool:
             first = next((line for line in said if separator_line(line) is None), "")
     except (OSError, UnicodeDecodeError):
         return False
-    cells = set(cells_of(first, delimiter_of(first)))
+    cells = set(map(plain_name, cells_of(first, delimiter_of(first))))
     timed = any(f"time_{unit}" in cells for unit in SECONDS)
     # a column of dates with times may be one of marks without a unit, too, but these have no heading
     timed |= any(cell.strip().lower() in DATES for cell in cells) and bool(cells & HEADINGS)
@@ -229,7 +229,7 @@ def _from_quaternions(rows: Array, seconds: float, order: tuple[int, int, int, i
 
 
 def _from_csv(path: Path) -> pd.DataFrame:
-    table = with_seconds(read_table(path))
+    table = with_plain_columns(read_table(path))
     found: dict[str, Array] = {}
     _take(path, table, "time", SECONDS, "s", found)
     for name in ("x", "y", "x_sigma", "y_sigma"):

@@ -11,6 +11,7 @@ from simulator.errors import SimulationError
 from simulator.robot import load_robot
 from simulator.run import State
 from simulator.simulation import moving_state, simulate
+from simulator.units import plain_name
 
 LOG = "time_s,left_rpm,right_rpm\n1,30,20\n2,30,20\n3,0,0\n4,-30,-20\n"
 
@@ -72,6 +73,34 @@ def test_speeds_of_wheels_and_velocities_are_read_with_the_wheels_of_the_control
     assert command.right_rpm == pytest.approx(11.0 * 30 / math.pi)
     with pytest.raises(SimulationError, match="needs wheel_radius_m"):
         Command.held(log)
+
+
+def test_names_with_units_in_brackets_are_read(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("Time [ms],Left (rad/s),right [rad/s],Note (of mine)\n500,1,2,a\n900,0,0,b\n")
+    found = Command.held(tmp_path / "log.csv")
+    assert np.unique(found.time_s).tolist() == [0.5, 0.9]
+    assert found.left_rpm.max() == pytest.approx(60 / (2 * math.pi))
+    (tmp_path / "two.csv").write_text("Time [s],time_s,left_rpm,right_rpm\n9,0.5,1,2\n")
+    assert Command.held(tmp_path / "two.csv").time_s[0] == 0.5  # a name as it should be comes first
+    (tmp_path / "min.csv").write_text("Time [min],left_rpm,right_rpm\n9,1,2\n")
+    with pytest.raises(SimulationError, match=r"lacks time_s; .*found: time_min, left_rpm, right_rpm"):
+        Command.held(tmp_path / "min.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [
+        ("green x (mm)", "green_x_mm"),
+        ("Heading (°)", "heading_deg"),
+        ("Omega [1/min]", "omega_rpm"),
+        (" x [mm] ", "x_mm"),
+        ("Speed", "Speed"),
+        ("[mm]", "[mm]"),
+        ("x [mm", "x [mm"),
+    ],
+)
+def test_only_units_in_brackets_change_a_name(name: str, plain: str) -> None:
+    assert plain_name(name) == plain
 
 
 def test_dates_with_times_are_seconds_since_1970_and_without_an_offset_utc(tmp_path: Path) -> None:

@@ -145,11 +145,14 @@ def test_metres_radians_tum_and_a_clock_that_counts_from_1970_give_the_same_pose
     for name, dates in dated.items():
         named.assign(timestamp=dates).to_csv(tmp_path / name, index=False)
         assert holds_poses(tmp_path / name)
+    brackets = {"time_ns": "Time [ns]", "x_m": "x (m)", "y_m": " Y (m)"}
+    pd.read_csv(tmp_path / "named.csv").rename(columns=brackets).to_csv(tmp_path / "brackets.csv", index=False)
+    assert holds_poses(tmp_path / "brackets.csv")
     for header in ('"time_s","x_mm","y_mm"', "time_s\tx_mm\ty_mm"):  # of R, and of spreadsheets
         (tmp_path / "header.csv").write_text(f"{header}\n")
         assert holds_poses(tmp_path / "header.csv")
     first = read_poses(tmp_path / "mm.csv").table
-    for name in ("m.csv", "tum.txt", "euroc.csv", "named.csv", *dated):
+    for name in ("m.csv", "tum.txt", "euroc.csv", "named.csv", "brackets.csv", *dated):
         other = read_poses(tmp_path / name)
         assert np.allclose(other.table["time_s"], first["time_s"], atol=1e-6)
         for column in ("x_mm", "y_mm", "heading_deg"):
