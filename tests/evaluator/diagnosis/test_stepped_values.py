@@ -100,6 +100,12 @@ def test_only_what_is_set_up_anew_changes() -> None:
     assert [item.key for item in step.quantities] == [SCALE.key]
 
 
+def test_a_value_that_is_free_to_change_already_changes_once_only() -> None:
+    search, fit, session = fitted([0.0] * 5 + [1.5] * 5)
+    session.known = (*KNOWN, Quantity(f"{LEVEL.key}_later", "", "1", 0.4, 1.0, "r5"))
+    assert step_of_values(search, fit, session) is None
+
+
 def test_only_kinds_that_are_asked_for_are_found() -> None:
     asked = fitted([0.0] * 5 + [1.5] * 5)
     assert step_of_values(*asked, [(KNOWN[1],)]) is None
