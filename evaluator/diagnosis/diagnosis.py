@@ -1,14 +1,11 @@
-"""From runs to a verdict: search, answer, review, and exclusion of single runs on which a finding depends."""
+"""From runs to a verdict: the diagnosis of all runs, and exclusion of single runs on which a finding depends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from evaluator.diagnosis.answer import Answer, answer
-from evaluator.diagnosis.assessment.model_comparison import is_free, separations
-from evaluator.diagnosis.assessment.relevance import without_cancelling
+from evaluator.diagnosis.assessment.model_comparison import is_free
 from evaluator.diagnosis.assessment.sole_run import (
     hiding_run,
     is_followed,
@@ -17,43 +14,22 @@ from evaluator.diagnosis.assessment.sole_run import (
     sole_misfit,
     sole_run,
 )
-from evaluator.diagnosis.changes.parted_session import parted
-from evaluator.diagnosis.changes.stepped_values import with_changed_values
 from evaluator.diagnosis.design.next_runs import best_next_runs
-from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspected_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
-from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.limits import limits
-from evaluator.diagnosis.inference.profile_likelihood import profiles_of
-from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.inference.watch import Cores, SearchStoppedError, Watch
-from evaluator.diagnosis.likelihood.run_data import NotSimulatedError, is_shared
+from evaluator.diagnosis.inference.watch import Cores, Watch
+from evaluator.diagnosis.likelihood.run_data import is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.explained import without_explained_mistakes
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.result import Diagnosis
-from evaluator.diagnosis.review import reviewed, withdrawn
-from evaluator.diagnosis.search_ground import searched_on_ground
-from evaluator.diagnosis.search_input import prepared
-from evaluator.diagnosis.search_runs import (
-    challenge_with_free_terms,
-    fit_on_all_runs,
-    fitted_where_absent,
-    refined,
-    search_named,
-    seeds_without,
-)
+from evaluator.diagnosis.review import withdrawn
+from evaluator.diagnosis.session_diagnosis import diagnosed
 from evaluator.progress import Progress
-from simulator.effects.coordinates import Candidate
 
 ONLY_THERE = "no other run has a similar command, so that an effect may act there alone: repeat it"
-UNSIMULATED = (
-    "the model of the robot file cannot be simulated at its command, as where a robot balances on a motion that the "
-    "least disturbance ends: are both right? Then change the command a little"
-)
 RUNS_TO_AN_OUTLYING_ONE = 10  # runs of a session for each run that may be excluded; one in twenty goes wrong
-MOST_RESTING = 4  # sets, one beside the other, that are found to rest on the same run
 
 
 def diagnose(
@@ -89,7 +65,7 @@ def _completed(found: Diagnosis, progress: Progress) -> Diagnosis:
 
 def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis after exclusion of single runs on which a finding depends, or that hide one."""
-    found = _diagnosed(session, watch, fits)
+    found = diagnosed(session, watch, fits)
     for _ in range(max(len(session.data) // RUNS_TO_AN_OUTLYING_ONE, 1)):
         suspect = _sole_run_of(found)
         hides = suspect is None
@@ -146,7 +122,7 @@ def _without(
     forms = _free_forms(found)
     if shortcomings(rest.data) or (not hides and is_needed_without(found.search, found.chosen, suspect, forms)):
         return None
-    again = _diagnosed(rest, watch, fits)
+    again = diagnosed(rest, watch, fits)
     rest = again.session  # runs that diverge are left out as well
     if again.stopped:
         tail = f"the finding with {data[suspect].id}, {found.summary}, rests on this run alone"
@@ -231,145 +207,3 @@ def _hiding_run_of(found: Diagnosis) -> int | None:
     if found.search is None or found.leftover is None or not found.follows or found.search.problem.open_ground:
         return None
     return hiding_run(found.leftover, found.fit.runs, found.session.relevant.speed_percent)
-
-
-def _diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis of all runs of a session, without exclusions."""
-    reasons = shortcomings(session.data, session.skipped)
-    if reasons:
-        mistaken = ["a mistake concerns all runs"] * any(item.everywhere for item in session.mistakes)
-        return Diagnosis("insufficient", "; ".join([*mistaken, *reasons]), session)
-    try:
-        return _with_changed_values(_searched(session, progress, fits), progress, fits)
-    except SearchStoppedError as stopped:
-        return Diagnosis("insufficient", str(stopped), session, stopped=True)
-    except NotSimulatedError as failed:
-        rest = session.leaving_out([k for k, run in enumerate(session.data) if run.id in failed.runs], UNSIMULATED)
-        if shortcomings(rest.data):
-            raise
-        return _diagnosed(rest, progress, fits)
-
-
-def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | None) -> Diagnosis:
-    """The diagnosis again, if values of the laboratory changed within the session, with them free after the change.
-
-    The first one stays if the second is as undecided: what no model follows may look like a change of anything.
-    """
-    if found.search is None or found.search.problem.open_ground:
-        return found
-    changed = with_changed_values(found.search, found.fit, found.session, progress)
-    if changed is None:
-        return found
-    progress("values that changed within the session", 0.1)
-    again = _searched(changed, progress, fits)
-    undecided = ("unknown", "insufficient")
-    return found if found.verdict in undecided and again.verdict in undecided else again
-
-
-def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:
-    """The diagnosis of runs that are sufficient for a search; seeds: initial values from a search of more runs."""
-    ready = prepared(session, progress, fits)
-    free, imitating = ready.free, ""
-    if ready.problem.open_ground:
-        part, whole = searched_on_ground(ready, progress)
-        unrefined = part
-    else:
-        part = search_named(ready, progress, seeds)
-        if diverging := part.diverging or diverging_runs(part):
-            rest = session.leaving_out(diverging, DIVERGING)
-            return _searched(rest, progress, fits, seeds_without(part, diverging))
-        unrefined = part
-        part = refined(part, ready.start, progress)
-        whole, imitating = without_cancelling(fit_on_all_runs(part, ready.terms))
-        challenge_with_free_terms(whole, free, progress)
-    everything, said = _answered(whole, session, free)
-    profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    if profiles and fitted_where_absent(whole, said.chosen, profiles):
-        everything, said = _answered(whole, session, free)
-        profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    progress("where they disagree", 0.95)
-    apart = separations(everything, said.named) if said.verdict == "effect" else {}
-    found = Diagnosis(
-        verdict=said.verdict,
-        reason=said.reason,
-        session=session,
-        held_out=tuple(run for run in range(len(session.data)) if run not in part.runs),
-        problem=part.problem,
-        search=everything,
-        fit_search=part,
-        standing=said.standing,
-        chosen=said.chosen,
-        named=said.named,
-        profiles=profiles,
-        separation=apart,
-        leftover=said.leftover,
-        terms=ready.terms,
-        constancy=said.constancy,
-        changes=said.changes,
-        negligible=said.negligible,
-        known=said.known,
-        known_together=said.known_together,
-        nominal=ready.start,
-    )
-    found = reviewed(found)
-    if imitating and found.verdict in ("unknown", "insufficient"):
-        found = replace(found, reason=f"{found.reason}; {imitating}")
-    if found.verdict != "unknown" or ready.problem.open_ground:
-        return found
-    try:
-        again = _without_suspected(unrefined, session, progress, fits)
-    except SearchStoppedError:  # the verdict stands
-        return found
-    return again or _in_parts(found, progress)
-
-
-def _answered(search: Search, session: Session, free: Mapping[str, Candidate]) -> tuple[Search, Answer]:
-    """The answer of a search, without effects that rest on one of several similar runs if the others explain all runs.
-
-    A search without that run, which takes as long as the first, would end with the other effects as well. Returns the
-    search without the fits of those effects, too, and of further effects and free-form terms that rest on the same run.
-    """
-    first = said = answer(search, session, free)
-    if said.verdict != "effect" or len(said.chosen) == 1 or search.problem.open_ground:
-        return search, first
-    rest, sole = search, sole_run(search, said.chosen, len(free))
-    suspect = None if sole is None else sole.run
-    run = None if suspect is None else session.data[suspect]
-    if run is None or not has_similar_runs(run, [other for other in session.data if other is not run]):
-        return search, first
-    for _ in range(MOST_RESTING):
-        if sole is None or sole.run != suspect:
-            break
-        rest = replace(rest, fits={ids: fit for ids, fit in rest.fits.items() if not ids & sole.effects})
-        said = answer(rest, session, free)
-        sole = sole_run(rest, said.chosen, len(free)) if said.chosen else None
-    if said.verdict != "effect" or not said.chosen < first.chosen:
-        return search, first
-    needs = " and ".join(sorted(first.chosen - said.chosen))
-    why = f"{run.id} alone needs {needs} as well, because it was disturbed or shows it best: repeat it"
-    return rest, replace(said, reason=f"{said.reason}; {why}")
-
-
-def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:
-    """The diagnosis without runs that may diverge, of a session that no model explains; None if they are not the cause.
-
-    part: the search over named effects.
-    """
-    suspected = suspected_runs(part)
-    if not suspected:
-        return None
-    again = _searched(session.leaving_out(suspected, DIVERGING), watch, fits)
-    return again if again.verdict in ("none", "effect") else None
-
-
-def _in_parts(found: Diagnosis, watch: Watch) -> Diagnosis:
-    """The diagnosis of an unknown disagreement, whose reason says so if it is that of two parts of the session."""
-    assert found.search is not None
-    try:
-        watch("two parts of the session", 0.97)
-        parts = parted(found.search, found.session, watch, [found.named, found.chosen, found.search.ranked()[0]])
-    except SearchStoppedError:
-        return found
-    if parts is None:
-        return found
-    return replace(found, reason=parts.sentence([run.id for run in found.session.data], found.session.known))

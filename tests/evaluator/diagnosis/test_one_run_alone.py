@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis import session_diagnosis
 from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.mistakes.recognised import Mistake
@@ -70,7 +71,7 @@ def diagnosed(
     """The diagnosis of 12 runs, one of which is suspected, where the others say rest, which follows it or not."""
     around(monkeypatch, similar=similar, followed=followed, without=without)
     monkeypatch.setattr(
-        module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
+        module, "diagnosed", lambda asked, *_: whole if len(asked.data) == len(whole.session.data) else rest
     )
     return diagnose(whole.session, no_progress)
 
@@ -142,7 +143,7 @@ def test_what_the_others_show_beside_such_a_law_is_found_and_the_run_is_to_be_re
     around(monkeypatch, similar=False)
     sole = SimpleNamespace(run=ODD, without=-9.0)
     monkeypatch.setattr(module, "sole_run", lambda _, chosen, __: sole if chosen == whole.chosen else None)
-    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
+    monkeypatch.setattr(module, "diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
     found = diagnose(whole.session, no_progress)
     assert (found.verdict, found.chosen) == ("effect", TILT)
     (odd,) = found.session.mistakes
@@ -168,7 +169,7 @@ def test_an_effect_that_only_the_exclusion_of_the_one_opposite_turn_shows_is_non
     around(monkeypatch)
     monkeypatch.setattr(module, "turns_like_others", lambda *_: turns_alike)
     whole = finding("unknown")
-    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
+    monkeypatch.setattr(module, "diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else rest)
     found = diagnose(whole.session, no_progress)
     assert found.verdict == ("effect" if turns_alike else "unknown")
     only = "so; plate-tilt explains all runs but r3, the only one that turns this way: repeat that run"
@@ -231,7 +232,7 @@ def test_one_run_of_ten_may_be_excluded(monkeypatch: pytest.MonkeyPatch, runs: i
     around(monkeypatch, suspect=0)
     monkeypatch.setattr(
         module,
-        "_diagnosed",
+        "diagnosed",
         lambda session, *_: replace(
             finding("effect", chosen=frozenset(f"effect {number}" for number in range(len(session.data)))),
             session=session,
@@ -296,7 +297,7 @@ def test_a_run_with_other_wheel_speeds_is_excluded_whatever_the_others_show(
     left: Any = SimpleNamespace(random_effects=np.arange(48.0).reshape(12, 4))
     whole = finding("none", leftover=left)
     less = Diagnosis(rest, "by the others", session_of(11), search=ON_PLATE, terms={})
-    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else less)
+    monkeypatch.setattr(module, "diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else less)
     found = diagnose(whole.session, no_progress)
     assert found.verdict == rest
     assert [item.sentence for item in found.session.mistakes] == ["(13.0, 14.0)" + ("" if similar else f"; {ONLY}")]
@@ -312,7 +313,7 @@ def test_the_others_are_not_diagnosed_if_they_need_the_same_free_form_term(
     asked = []
     whole = finding("unknown", chosen=frozenset({"free:x"}))
     whole = replace(whole, terms=dict.fromkeys(("free:x", "free:y", "plate-tilt")))
-    monkeypatch.setattr(module, "_diagnosed", lambda session, *_: asked.append(len(session.data)) or whole)
+    monkeypatch.setattr(module, "diagnosed", lambda session, *_: asked.append(len(session.data)) or whole)
     assert diagnose(whole.session, no_progress).verdict == "unknown"
     assert asked == ([12] if needed else [12, 11])
     assert families == [2]  # of free-form terms, whose number counts in the prior of each
@@ -365,11 +366,11 @@ def test_an_effect_beside_others_that_rests_on_one_run_is_left_out_without_a_sec
         assert families == 1
         return SimpleNamespace(run=rests[ids], effects=ids - RIPPLE) if ids in rests else None
 
-    monkeypatch.setattr(module, "answer", answer)
-    monkeypatch.setattr(module, "sole_run", sole)
-    monkeypatch.setattr(module, "has_similar_runs", lambda run, others: similar and run not in others)
+    monkeypatch.setattr(session_diagnosis, "answer", answer)
+    monkeypatch.setattr(session_diagnosis, "sole_run", sole)
+    monkeypatch.setattr(session_diagnosis, "has_similar_runs", lambda run, others: similar and run not in others)
     whole: Any = Fitted(dict.fromkeys(sets))
-    search, said = module._answered(whole, session, {"x": None})  # type: ignore[dict-item]
+    search, said = session_diagnosis._answered(whole, session, {"x": None})  # type: ignore[dict-item]
     assert said.chosen == ends
     if ends == PAIR:
         assert (search, said.reason) == (whole, "so")

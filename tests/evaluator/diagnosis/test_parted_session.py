@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import diagnosis as caller
+from evaluator.diagnosis import session_diagnosis as caller
 from evaluator.diagnosis.assessment.knowledge import Knowledge
 from evaluator.diagnosis.changes import parted_session as module
 from evaluator.diagnosis.changes.parted_session import Parted

@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis import diagnosis as module
+from evaluator.diagnosis import diagnosis as whole_module
+from evaluator.diagnosis import session_diagnosis as module
 from evaluator.diagnosis.assessment.verdict import Verdict
-from evaluator.diagnosis.diagnosis import UNSIMULATED, _completed, _diagnosed
+from evaluator.diagnosis.diagnosis import _completed
 from evaluator.diagnosis.diverging_runs import DIVERGING
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
+from evaluator.diagnosis.session_diagnosis import UNSIMULATED, diagnosed
 from evaluator.progress import no_progress
 
 TILT = frozenset({"plate-tilt"})
@@ -76,7 +78,7 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
     open_ground: bool, steps: list[str], verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, verdict, open_ground=open_ground)
-    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
     is_effect = verdict == "effect"
     last = ["profiles_of", "fitted_where_absent", "separations"] if is_effect else [] if open_ground else ["_in_parts"]
     assert [step for step, *_ in done] == steps + last
@@ -101,7 +103,7 @@ def test_effects_that_would_cancel_each_other_are_told_where_nothing_better_is_f
     answering(monkeypatch, verdict, open_ground=False)
     kept: Any = SimpleNamespace(problem="problem of all", kept=True)
     monkeypatch.setattr(module, "without_cancelling", lambda _: (kept, "a and b cancel"))
-    found = _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
     assert found.search is kept
     assert next(step for step in done if step[0] == "challenge_with_free_terms")[1] is kept
     assert found.reason == ("it pays; a and b cancel" if told else "it pays")
@@ -118,7 +120,7 @@ def test_an_answer_is_sought_again_where_a_set_without_one_of_its_effects_fits_b
         asked.clear()
         done.clear()
         monkeypatch.setattr(module, "fitted_where_absent", lambda *_, better=better: better)
-        _diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+        diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
         assert len(asked) == times
         assert [step for step, *_ in done].count("profiles_of") == times  # of the answer that stands
 
@@ -131,7 +133,7 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     monkeypatch.setattr(module, "diverging_runs", lambda _: next(told))
     monkeypatch.setattr(module, "seeds_without", lambda part, runs: (part.name, runs))
     session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
-    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [step for step, *_ in done] == ["search_named", *ON_PLATE]
     assert [given[3] for given in done[:2]] == [(), ("named", [1])]  # begun with the fits of the search before
     assert found.session.robots == ("a", "c", "d")  # type: ignore[comparison-overlap]
@@ -142,7 +144,7 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     told = iter([[], []])
     early = iter([SimpleNamespace(name="of the first seconds", diverging=(2,)), SimpleNamespace(diverging=())])
     monkeypatch.setattr(module, "search_named", lambda *given: done.append(("search_named", *given)) or next(early))
-    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [given[3] for given in done[:2]] == [(), ("of the first seconds", (2,))]
     assert [run.id for run in found.session.data] == ["r0", "r1", "r3"]
 
@@ -166,7 +168,7 @@ def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
     monkeypatch.setattr(module, "answer", answer)
     suspected = iter([[1, 2], []])
     monkeypatch.setattr(module, "suspected_runs", lambda part: next(suspected) if part is NAMED else [])
-    found = _diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
     explained = verdict in ("effect", "none")
     assert found.verdict == (verdict if explained else "unknown")
     assert [step for step, *_ in done].count("search_named") == 2
@@ -191,9 +193,9 @@ def test_runs_that_the_robot_file_cannot_simulate_are_left_out_unless_too_few_re
     session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
     if few:
         with pytest.raises(NotSimulatedError, match="run r1 cannot be simulated"):
-            _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+            diagnosed(session, no_progress, None)  # type: ignore[arg-type]
         return
-    found = _diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [step for step, *_ in done] == ON_PLATE
     assert [run.id for run in found.session.data] == ["r0", "r2"]
     assert found.session.left_out == {"r1": UNSIMULATED, "r3": UNSIMULATED}
@@ -202,7 +204,7 @@ def test_runs_that_the_robot_file_cannot_simulate_are_left_out_unless_too_few_re
 def test_what_cannot_be_searched_says_why_and_what_concerns_all_runs_first(monkeypatch: pytest.MonkeyPatch) -> None:
     mistakes: Any = tuple(SimpleNamespace(sentence=name, everywhere=name == "mirrored") for name in ("one", "mirrored"))
     monkeypatch.setattr(module, "shortcomings", lambda *_: ["3 usable runs"])
-    found = _diagnosed(session_of(3, mistakes=mistakes), no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session_of(3, mistakes=mistakes), no_progress, None)  # type: ignore[arg-type]
     assert (found.verdict, found.reason, found.stopped) == (
         "insufficient",
         "a mistake concerns all runs; 3 usable runs",
@@ -215,7 +217,7 @@ def test_a_search_that_is_stopped_has_no_verdict(done: list[Any], monkeypatch: p
         raise SearchStoppedError(7.0, "the tilt explains the runs")
 
     monkeypatch.setattr(module, "prepared", stopped)
-    found = _diagnosed(session_of(3), no_progress, None)  # type: ignore[arg-type]
+    found = diagnosed(session_of(3), no_progress, None)  # type: ignore[arg-type]
     assert (found.verdict, found.stopped, done) == ("insufficient", True, [])
     assert found.reason.startswith("the search was stopped after 7 s of processor time")
 
@@ -225,8 +227,8 @@ def test_runs_to_record_next_are_those_of_the_answer_and_none_without_a_search(
     apart: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []
-    monkeypatch.setattr(module, "best_next_runs", lambda *given: asked.append(given) or "next")
-    monkeypatch.setattr(module, "limits", lambda *given: ("limits", *given))
+    monkeypatch.setattr(whole_module, "best_next_runs", lambda *given: asked.append(given) or "next")
+    monkeypatch.setattr(whole_module, "limits", lambda *given: ("limits", *given))
     none = Diagnosis("insufficient", "few", session_of(3))
     assert _completed(none, no_progress) is none
     search: Any = "search"

@@ -68,7 +68,7 @@ def test_an_effect_that_rests_on_one_run_is_no_verdict_where_the_search_without_
     on_plate: Any = SimpleNamespace(problem=SimpleNamespace(open_ground=False))
     whole = Diagnosis("effect", "it pays", session, chosen=TILT, search=on_plate, terms={})
     rest = Diagnosis("insufficient", "the search was stopped", session_of(19), stopped=True)
-    monkeypatch.setattr(module, "_diagnosed", lambda asked, *_: whole if len(asked.data) == 20 else rest)
+    monkeypatch.setattr(module, "diagnosed", lambda asked, *_: whole if len(asked.data) == 20 else rest)
     monkeypatch.setattr(module, "sole_run", lambda *_: SimpleNamespace(run=3))
     monkeypatch.setattr(module, "has_similar_runs", lambda *_: True)
     monkeypatch.setattr(module, "shortcomings", lambda _: [])
