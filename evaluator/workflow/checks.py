@@ -91,7 +91,10 @@ def check_experiment(path: Path) -> Check:
 
         given = given_marks(experiment)
         with TemporaryDirectory() as folder:
-            given |= converted_marks(experiment, given, Path(folder))
+            converted = converted_marks(experiment, given, Path(folder))
+            outside = (_outside_of_marks(run, converted[run.id]) for run in runs if run.marks and run.id in converted)
+            faults += filter(None, outside)
+            given |= converted
             found = mistakes_of_marks(experiment, given, marks)
         unseen = tuple(run.id for run in runs if run.video is None and run.id not in given and run.source.exists())
         doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))
@@ -164,7 +167,6 @@ def _faults_of_topics(run: Run) -> Iterator[str]:
 def _outside(run: Run, marks: Mapping[Path, Mended]) -> str | None:
     """The fault of motors that start or stop outside the recording, by the duration that the container states."""
     from evaluator.interchange.tracks import program_of
-    from evaluator.marks import read_marks
     from evaluator.recording import open_recording
 
     try:
@@ -172,12 +174,18 @@ def _outside(run: Run, marks: Mapping[Path, Mended]) -> str | None:
             last = open_recording(run.video, rate_hz=run.rate_hz).expected_s
             return run.outside(run.run_command(), 0.0, last) if last is not None else None
         if run.marks is not None and (run.marks in marks or program_of(run.marks) == "turnscope"):
-            found = marks.get(run.marks)
-            times = found.time_s if found else read_marks(run.marks)["time_s"].to_numpy(float)
-            return run.outside(run.run_command(), float(times[0]), float(times[-1]))
+            return _outside_of_marks(run, run.marks, marks.get(run.marks))
         return _outside_of_poses(run, run.poses) if run.poses is not None else None
     except (InputError, OSError):
         return None  # reported for the file itself
+
+
+def _outside_of_marks(run: Run, path: Path, found: Mended | None = None) -> str | None:
+    """The fault of a run with marks; path: of its marks CSV, found: its content, if it has been read."""
+    from evaluator.marks import read_marks
+
+    times = found.time_s if found else read_marks(path)["time_s"].to_numpy(float)
+    return run.outside(run.run_command(), float(times[0]), float(times[-1]))
 
 
 def _outside_of_poses(run: Run, path: Path) -> str | None:

@@ -113,6 +113,19 @@ def test_marks_are_read_as_the_analysis_does(robot: str, text: str, said: str, t
     assert said in "".join(faults)
 
 
+@pytest.mark.parametrize(("times", "said"), [("time_ms", True), ("Time [s]", False)])
+def test_motors_that_start_after_the_end_of_a_table_of_another_program_are_a_fault(
+    times: str, said: bool, tmp_path: Path
+) -> None:
+    rows = "".join(f"{k / 60:.4f},{1 + 0.1 * k},2,{1 + 0.1 * k},-2\n" for k in range(90))
+    (tmp_path / "a.csv").write_text(f"{times},green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm\n{rows}", encoding="utf-8")
+    path = tmp_path / "day.toml"
+    path.write_text(f"{HEAD}{run('a')}start_s = 0.5\n", encoding="utf-8")
+    faults = check_experiment(path).faults
+    assert len(faults) == said
+    assert all(fault.startswith("run a: start_s = 0.5 s, but a.csv ends at 0.00 s; give the time") for fault in faults)
+
+
 def test_one_mark_of_two_is_no_pose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evaluator.interchange.tracks.program_of", lambda _: "plain")
     shown = {"green": 0, "dust": 0}
