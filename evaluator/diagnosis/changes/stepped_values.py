@@ -99,7 +99,7 @@ def with_step(session: Session, step: Step, problem: Problem, fit: Fit) -> Sessi
     changes = tuple(
         Quantity(
             f"{item.key}{LATER}",
-            f"{item.name}, from {session.data[step.runs[0]].id} on",
+            f"change of {item.name}, from {session.data[step.runs[0]].id} on",
             item.unit,
             sigma * item.sigma,
             sigma * item.per_unit,

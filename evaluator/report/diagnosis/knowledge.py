@@ -33,7 +33,8 @@ def changed_sentence(content: Json) -> str:
     changed = [item for item in content.get("known_to") or [] if item.get("from_run") and _is_off(item)]
     if not changed:
         return ""
-    parts = [f"{str(item['name']).partition(', from')[0]} by {_with_bounds(item)}" for item in changed]
+    names = [str(item["name"]).removeprefix("change of ").partition(", from")[0] for item in changed]
+    parts = [f"{name} by {_with_bounds(item)}" for name, item in zip(names, changed, strict=True)]
     return as_sentence(
         f"These values changed within the session, from {changed[0]['from_run']} on, and were fitted apart before and "
         f"after: {'; '.join(parts)}. What was set up, glued on or calibrated anew there? Diagnose the runs before and "

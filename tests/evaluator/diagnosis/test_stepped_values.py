@@ -167,7 +167,11 @@ def test_a_change_is_told_as_that_and_not_as_a_value_off_its_tolerance(changed: 
     assert not Knowledge(change, 9 * change.sigma, 0.0, 0.0).is_finding
     item: dict[str, Any] = {"quantity": change.key, "name": change.name, "unit": "mm", "taken": change.sigma}
     item |= {"found": 0.1, "low": 0.09, "high": 0.11, "from_run": change.since}
-    zero = item | {"quantity": "green_y_mm_later", "name": "green mark along y of the robot, from r1 on", "low": -0.1}
+    zero = item | {
+        "quantity": "green_y_mm_later",
+        "name": "change of green mark along y of the robot, from r1 on",
+        "low": -0.1,
+    }
     content = {"known_to": [item, zero]}
     sentence = changed_sentence(content)
     assert sentence.startswith("These values changed within the session, from r1 on,")
