@@ -207,7 +207,7 @@ def program_of(path: Path) -> Program:
         return "movement"
     if head.startswith(b"PK\x03\x04") or head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith((b"<?xml", b"<object")):
         return "project"
-    lines = head.decode("utf-8", errors="replace").splitlines()
+    lines = head.decode("utf-8-sig", errors="replace").splitlines()
     if lines and separator_line(lines[0]) is not None:
         del lines[0]
     if lines and lines[0].split(",")[0].strip() == "scorer":

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from evaluator.interchange.tracks import program_of
 from evaluator.workflow import checks
 from evaluator.workflow.checks import Check, Written, check_experiment, doubled_videos
 
@@ -124,6 +125,16 @@ def test_motors_that_start_after_the_end_of_a_table_of_another_program_are_a_fau
     faults = check_experiment(path).faults
     assert len(faults) == said
     assert all(fault.startswith("run a: start_s = 0.5 s, but a.csv ends at 0.00 s; give the time") for fault in faults)
+
+
+def test_marks_that_a_spreadsheet_saved_are_those_of_turnscope(tmp_path: Path) -> None:
+    """Excel puts a mark of the encoding first, and its empty cells say so."""
+    rows = "".join(f"{k / 60:.4f};{1 + 0.1 * k};2;#N/A;-2\n".replace(".", ",") for k in range(90))
+    text = f"\ufefftime_s;green_x_mm;green_y_mm;yellow_x_mm;yellow_y_mm\n{rows}"
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    assert program_of(tmp_path / "a.csv") == "turnscope"
+    written = Written(tmp_path / "day.toml", {"robot": "barrel"})
+    assert list(checks._marks(written, "a.csv")) == []
 
 
 def test_one_mark_of_two_is_no_pose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
