@@ -265,8 +265,8 @@ def _check_left_out(views: list[View], used: list[View]) -> None:
             rest = "the other images" if len(views) > 1 else "any camera"
             raise ImageError(
                 view.name,
-                f"{left_out} of {len(view)} dots contradict {rest}; are all images from one camera, "
-                "and are pitch_mm and layout of the gauge file right? Leave this image out or take it again",
+                f"{left_out} of {len(view)} dots contradict {rest}; are all images from one camera, was the "
+                "gauge flat, and are pitch_mm and layout of its file right? Leave this image out or take it again",
             )
 
 
