@@ -22,6 +22,7 @@ from evaluator.diagnosis.mistakes.jump import frames_ahead, jump
 from evaluator.diagnosis.mistakes.motion import (
     WINDOW_S,
     Motion,
+    arm_mm,
     displacement_in_gap,
     displacement_over,
     motion_of,
@@ -135,6 +136,12 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         if wrongly:
             begins = since[id(wrongly[0])]
             whole = len(wrongly) == len(mine) and begins == wrongly[0].start_s
+            if whole and (way_mm := _way_mm(run)) > 2 * arm_mm(run):  # what is held gets nowhere
+                seen = f"gets {way_mm:.2g} mm far, less than a twentieth of what its wheels would roll at its command"
+                found.append(
+                    Found(run.id, "wrong-command", seen, "is a digit of its command wrong, or the robot held?")
+                )
+                continue
             when = "" if whole else f" from {begins:.2f} s on"
             remedy = "inspect the recording: is the robot held, or a motor off?"
             faster = unsigned_rpm(wrongly[0].left_rpm, wrongly[0].right_rpm)[1]
@@ -209,9 +216,14 @@ def way_over_rolled(run: RunData, robot: Robot) -> float:
     rolled = rolls_mm_s(run.left_rpm, run.right_rpm, robot) * seconds
     if seconds <= 0 or not rolled:
         return np.inf
+    return _way_mm(run) / rolled
+
+
+def _way_mm(run: RunData) -> float:
+    """How far the marks of a run get from their first places, mm: 95 % of the frames."""
     seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
     off = seen - seen[0]
-    return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95)) / rolled
+    return float(np.percentile(np.hypot(off[:, [0, 2]], off[:, [1, 3]]), 95))
 
 
 def _others_stand_too(phase: RunData, counts: Mapping[tuple[tuple[float, float], bool], int]) -> bool:

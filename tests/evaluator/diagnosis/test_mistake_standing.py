@@ -34,6 +34,15 @@ def test_a_run_that_stands_is_stuck_unless_all_slower_ones_stand_too() -> None:
         assert kinds(disturbed_runs([still, slower, *faster], [ROBOT] * 6)) == [("r1", "stuck")]  # none is slower
 
 
+@pytest.mark.parametrize(("rpm", "kind"), [(900.0, "wrong-command"), (30.0, "")])
+def test_a_run_that_gets_far_but_not_as_far_as_its_wheels_has_another_command(rpm: float, kind: str) -> None:
+    """A digit too many: the robot moves as always."""
+    run = replace(driven(0, speed=2.0), left_rpm=rpm, right_rpm=rpm)
+    found = disturbed_runs(session(run), [ROBOT] * 8)
+    assert kinds(found) == ([("r0", kind)] if kind else [])
+    assert all(item.seen.startswith("gets 4.7 mm far, less than a twentieth of what its wheels") for item in found)
+
+
 @pytest.mark.parametrize(("until_s", "share", "told"), [(0.9, 0.0, True), (0.9, 0.04, True), (0.9, 0.06, False)])
 def test_a_run_that_gets_caught_soon_after_its_start_is_stuck(until_s: float, share: float, told: bool) -> None:
     """It drove for 0.4 s and was told to follow the command of a slower run; share: of the path rolled, afterwards."""
