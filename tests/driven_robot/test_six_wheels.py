@@ -48,6 +48,7 @@ def test_a_recording_is_read_as_it_was_written_and_its_clock_is_late(tmp_path: P
     assert np.abs(later - earlier).max() > 0.05
 
 
+@pytest.mark.exam  # late motors of logs, and mixed sides, each by themselves: test_logs.py, test_own_effect.py
 def test_late_motors_are_found_beside_the_mixing_of_sides_with_their_sizes(tmp_path: Path) -> None:
     truth = Truth()
     path = write_experiment(recorded(8, 2), np.arange(16), ROBOT, tmp_path)
