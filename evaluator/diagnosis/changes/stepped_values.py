@@ -59,7 +59,7 @@ def with_changed_values(search: Search, fit: Fit, session: Session, watch: Watch
         return changed
     if again is None:
         return changed
-    moved = step_of_values(part, _without_changes(again), session, (step.quantities,))
+    moved = step_of_values(part, _without_change(again, step), session, (step.quantities,))
     return changed if moved is None else with_step(session, moved, search.problem, fit)
 
 
@@ -142,9 +142,10 @@ def _kinds(session: Session) -> list[tuple[Quantity, ...]]:
     return [kind for kind in kinds if kind and not changed & {item.key for item in kind}]
 
 
-def _without_changes(fit: Fit) -> Fit:
-    """A fit without the columns of changed values, which are absent again."""
-    keep = np.array([not column.key.endswith(LATER) for column in fit.columns])
+def _without_change(fit: Fit, step: Step) -> Fit:
+    """A fit without the columns of the values that changed, which are as before again."""
+    changed = {f"{item.key}{LATER}" for item in step.quantities}
+    keep = np.array([column.key not in changed for column in fit.columns])
     columns = tuple(column for column, is_kept in zip(fit.columns, keep, strict=True) if is_kept)
     return replace(fit, columns=columns, reduced=fit.reduced.of_columns(keep, np.zeros(len(keep))))
 
