@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -166,6 +166,14 @@ def recording_of(run: str) -> str:
     """Name of the recording that a run is, or is a part of."""
     part = PART.fullmatch(run)
     return part[1] if part else run
+
+
+def by_recording(runs: Iterable[str]) -> list[list[str]]:
+    """Names of runs and of parts of recordings, those of one recording together, in their order."""
+    found: dict[str, list[str]] = {}
+    for run in runs:
+        found.setdefault(recording_of(run), []).append(run)
+    return list(found.values())
 
 
 def _parts_by_recording(runs: Sequence[str]) -> dict[str, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.command_unit import STRAIGHT_SHARE
 from evaluator.diagnosis.mistakes.misread.turn_sense import FEWEST, FEWEST_FRAMES
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
-from evaluator.diagnosis.mistakes.recognised import Found, recording_of
+from evaluator.diagnosis.mistakes.recognised import Found, by_recording
 from evaluator.interchange.log_offset import averaging_times
 from simulator.robot import Robot
 
@@ -37,10 +37,7 @@ def in_another_convention(data: Sequence[RunData], robots: Sequence[Robot]) -> l
     """Runs with poses whose headings contradict their direction of motion: all, or all parts of a recording."""
     del robots  # neither size nor wheels of a robot change the direction in which it moves
     ways = {run.id: _ways(run) for run in data if run.from_poses}
-    recordings: dict[str, list[str]] = {}
-    for name in ways:
-        recordings.setdefault(recording_of(name), []).append(name)
-    for groups in ([list(ways)], list(recordings.values())):
+    for groups in ([list(ways)], by_recording(ways)):
         read = [(group, _reading([ways[name] for name in group])) for group in groups]
         if found := [Found(name, "wrong-unit", seen, REMEDY) for group, seen in read if seen for name in group]:
             return found
@@ -54,11 +51,12 @@ def _reading(ways: Sequence[Complexes]) -> str:
     """
     if sum(map(np.any, ways)) < FEWEST:
         return ""
-    total, direct, opposite = np.sum(ways, axis=0) / np.sum(ways, axis=0)[0]
+    way, *turned = np.sum(ways, axis=0)
+    direct, opposite = np.array(turned) / way
     if direct.real > REFUTED:
         return ""
     agrees = {COMPASS: -opposite.real, CLOCKWISE: opposite.real, SIDEWAYS: -direct.real}
-    found = [words for words, agreement in agrees.items() if agreement > AGREES * total.real]
+    found = [words for words, agreement in agrees.items() if agreement > AGREES]
     if found:
         return f"does not move the way it heads: its headings seem to count {', or '.join(found)}"
     if abs(direct) > AGREES:

@@ -18,7 +18,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.command_unit import STRAIGHT_SHARE, is_far
 from evaluator.diagnosis.mistakes.misread.turn_sense import DELAYS_S, FEWEST, FEWEST_FRAMES, SHOWS
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
-from evaluator.diagnosis.mistakes.recognised import MOST, Found, recording_of
+from evaluator.diagnosis.mistakes.recognised import MOST, Found, by_recording
 from evaluator.interchange.log_offset import averaging_times, correlations
 from simulator.command import RPM_PER_RAD_S
 from simulator.robot import Robot
@@ -48,11 +48,9 @@ def in_another_unit(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fo
     """Runs with poses whose positions, headings or commands are in another unit: all, or all parts of a recording."""
     runs = [(run, robot) for run, robot in zip(data, robots, strict=True) if run.from_poses]
     paces = {run.id: _pace(run, robot) for run, robot in runs}
-    recordings: dict[str, list[str]] = {}
-    for name in paces:
-        recordings.setdefault(recording_of(name), []).append(name)
+    recordings = by_recording(paces)
     found = []
-    for group in [list(paces), *(recordings.values() if len(recordings) > 1 else [])]:
+    for group in [list(paces), *(recordings if len(recordings) > 1 else [])]:
         robot = next((robot for run, robot in runs if run.id in group), None)
         others = [paces[name] for name in paces if name not in group]
         said = robot and _reading([paces[name] for name in group], robot, others)
