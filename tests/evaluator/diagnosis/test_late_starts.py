@@ -82,6 +82,16 @@ def test_of_two_groups_the_one_at_start_s_is_right_however_small(late: int, late
     assert all(item.correction.later_s == pytest.approx(late_s, abs=0.03) for item in found if item.correction)
 
 
+@pytest.mark.parametrize(("spread_s", "told"), [(0.012, True), (0.03, False)])
+def test_groups_lie_apart_by_six_times_their_spread(
+    spread_s: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begins = {f"r{number}": 0.5 + 0.16 * (number > 5) + spread_s * (number % 3 - 1) for number in range(12)}
+    monkeypatch.setattr(late_start, "onset", lambda run: Onset(begins[run.id], 0.002, (0.6, 1.0)))
+    found = late_starts([driven(number) for number in range(12)], [ROBOT] * 12)
+    assert kinds(found) == [(f"r{number}", "late-start") for number in range(6, 12)] * told
+
+
 def test_two_runs_of_twelve_in_time_are_early_beside_the_lag_of_the_others() -> None:
     runs = [driven(number, begins_s=0.5 + 0.3 * (number > 1)) for number in range(12)]
     assert kinds(late_starts(runs, [ROBOT] * 12)) == [("r0", "late-start"), ("r1", "late-start")]

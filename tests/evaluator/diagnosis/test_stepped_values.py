@@ -14,9 +14,11 @@ import pytest
 
 from evaluator.diagnosis.assessment.knowledge import Knowledge, together
 from evaluator.diagnosis.assessment.session_as_found import with_session
+from evaluator.diagnosis.changes import stepped_values as module
 from evaluator.diagnosis.changes.stepped_values import Step, step_of_values, with_step
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
+from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity, predicted_sigmas, quantities
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from evaluator.diagnosis.likelihood.point import Column, Point
@@ -98,6 +100,62 @@ def test_only_what_is_set_up_anew_changes() -> None:
     step = step_of_values(*fitted([0.0] * 5 + [1.5] * 5, column=1))
     assert step is not None
     assert [item.key for item in step.quantities] == [SCALE.key]
+
+
+def test_the_odds_of_a_change_are_those_of_one_more_value_of_the_later_runs_at_any_place_and_of_any_kind() -> None:
+    search, fit, session = fitted([0.0] * 5 + [1.5] * 5)
+    step = step_of_values(search, fit, session)
+    more = [
+        replace(view, common=np.column_stack([view.common, view.common[:, 0] * (number > 4)]))
+        for number, view in enumerate(fit.linearized)
+    ]
+    known = prior_precision(COLUMNS, TOLERANCE)
+    prior = np.append(known, known[0] / 2)  # a difference of two values, each known to 0.3
+    evidence = [
+        MixedModel(reduce_runs(views), part).log_evidence(range(len(part)))
+        for views, part in ((more, prior), (fit.linearized, known))
+    ]
+    places, kinds = 5, 2
+    assert step is not None
+    assert step.odds == pytest.approx(evidence[0] - evidence[1] + np.log(0.05 / (places * kinds)))
+
+
+@pytest.mark.parametrize(
+    ("found", "again", "moved", "ends"),
+    [
+        (None, "fit", None, None),
+        ("first", FloatingPointError, None, "first"),  # a run that cannot be simulated on the way
+        ("first", None, None, "first"),  # a misfit too large for a fit of whole runs
+        ("first", "fit", None, "first"),
+        ("first", "fit", "second", "second"),
+    ],
+)
+def test_the_place_of_a_change_is_found_again_at_the_noise_with_it(
+    found: str | None, again: Any, moved: str | None, ends: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = iter([found, moved])
+    asked: list[tuple[Any, ...]] = []
+
+    def step_of(*given: Any) -> Any:
+        asked.append(given)
+        name = next(steps)
+        return name and SimpleNamespace(name=name, quantities=("level",))
+
+    def null(ready: Any) -> Any:
+        assert ready == ("prepared", "session with first")
+        if again is FloatingPointError:
+            raise FloatingPointError
+        return "part", again
+
+    monkeypatch.setattr(module, "step_of_values", step_of)
+    monkeypatch.setattr(module, "with_step", lambda session, step, *_: f"{session} with {step.name}")
+    monkeypatch.setattr(module, "prepared", lambda session, *_: ("prepared", session))
+    monkeypatch.setattr(module, "null_alone", null)
+    monkeypatch.setattr(module, "_without_change", lambda fit, step: (fit, step.name))
+    search: Any = SimpleNamespace(problem="problem")
+    got = module.with_changed_values(search, "fit", "session", Watch())  # type: ignore[arg-type]
+    assert got == (None if ends is None else f"session with {ends}")
+    assert asked[1:] in ([], [("part", ("fit", "first"), "session", (("level",),))])
 
 
 def test_a_value_that_is_free_to_change_already_changes_once_only() -> None:
