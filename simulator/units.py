@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,7 +98,8 @@ def with_plain_columns(table: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     names = {name: plain_name(str(name)) for name in table}
-    table = table.rename(columns={name: plain for name, plain in names.items() if plain not in table})
+    once = Counter(names.values())  # of two names that would be equal both stay
+    table = table.rename(columns={name: plain for name, plain in names.items() if once[plain] == 1})
     if any(str(name).startswith("time_") for name in table):
         return table
     for name in table:

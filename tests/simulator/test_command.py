@@ -82,6 +82,11 @@ def test_names_with_units_in_brackets_are_read(tmp_path: Path) -> None:
     assert found.left_rpm.max() == pytest.approx(60 / (2 * math.pi))
     (tmp_path / "two.csv").write_text("Time [s],time_s,left_rpm,right_rpm\n9,0.5,1,2\n")
     assert Command.held(tmp_path / "two.csv").time_s[0] == 0.5  # a name as it should be comes first
+    (tmp_path / "same.csv").write_text("time_s,Left [rpm],left (rpm),right_rpm\n0.5,1,2,3\n")
+    with pytest.raises(
+        SimulationError, match=r"lacks left_rpm; .*found: time_s, Left \[rpm\], left \(rpm\), right_rpm"
+    ):
+        Command.held(tmp_path / "same.csv")
     (tmp_path / "min.csv").write_text("Time [min],left_rpm,right_rpm\n9,1,2\n")
     with pytest.raises(SimulationError, match=r"lacks time_s; .*found: time_min, left_rpm, right_rpm"):
         Command.held(tmp_path / "min.csv")

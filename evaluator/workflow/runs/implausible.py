@@ -20,9 +20,9 @@ LIGHTEST, HEAVIEST = 10.0, 21_500.0
 # Attraction of the strongest wheel over the weight: less does not hold a robot, more presses it flat. The paper's
 # wheels have 0.6 to 4; a factor of a thousand between units leads out of the range from any value between.
 WEAKEST, STRONGEST = 0.01, 300.0
-# Friction of wheels: from ice on wet ice to twice that of racing tires. A decimal point forgotten is beyond.
+# Friction of wheels: a quarter of that of ice on ice, and twice that of racing tires. A forgotten point is beyond.
 SMOOTHEST, ROUGHEST = 0.005, 4.0
-WIDEST = 3.0  # distance of wheel centres over the larger side of the body, of rovers on outriggers 1.5
+WIDEST = 3.0  # distance of wheel centres over the larger side of the body: nine robots here have 0.4 to 0.8
 
 
 def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
