@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Collection, Hashable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -27,6 +28,8 @@ DASH = "–"
 TOO_LITTLE = "turns < 1°"  # in place of a radius: turning.status.LEAST_TURN_DEG
 # A number, with its sign, that is not part of the name of a file or run.
 WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
+ANY_NUMBER = re.compile(r"\d+(?:\.\d+)?")  # in names of files, too
+FEW_ALIKE = 2  # sentences that differ in names and numbers only, and are printed each
 SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
@@ -47,8 +50,8 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
             progress=progress,
             command_line=sys.argv[1:],
         )
-    for run, fault in found.faults.items():
-        click.echo(f"{run}: {fault}", err=True)
+    for line in without_repeats([f"{run}: {fault}" for run, fault in found.faults.items()]):
+        click.echo(line, err=True)
     if found.changed:
         named = ", ".join(str(path) for path in found.changed[:MOST_NAMED])
         click.echo(
@@ -64,6 +67,27 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
 def named_runs(runs: Sequence[str]) -> str:
     """The first of some runs, and how many there are."""
     return ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
+
+
+def without_repeats(sentences: Sequence[str]) -> list[str]:
+    """Sentences 'run or file: fault', of which those that differ in names and numbers only are told once.
+
+    Two are printed as they are; of more, the first, and of which runs or files the others are.
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for sentence in sentences:
+        subject, colon, fault = sentence.partition(": ")
+        name = Path(subject.removeprefix("run ")).stem
+        kind = re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "#", fault) if colon else sentence
+        kinds.setdefault(ANY_NUMBER.sub("#", kind), []).append((subject, sentence))
+    lines = []
+    for same in kinds.values():
+        if len(same) <= FEW_ALIKE:
+            lines += [sentence for _, sentence in same]
+            continue
+        others = list(dict.fromkeys(Path(subject.removeprefix("run ")).name for subject, _ in same[1:]))
+        lines += [same[0][1], f"the same of {named_runs(others)}, with their own names and numbers"]
+    return lines
 
 
 def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]], unit: LengthUnit) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from evaluator.cli.analysis import named_runs
+from evaluator.cli.analysis import named_runs, without_repeats
 from evaluator.cli.guard import BAD_INPUT
 from evaluator.cli.options import experiment_argument, json_option, quiet_option, say_mended, write_mended_option
 from evaluator.wording import counted
@@ -21,6 +21,8 @@ from evaluator.wording import counted
 def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
     """Validate all files of an experiment and report all errors together.
 
+    Of errors that differ in names and numbers only, one is printed; --json gives each.
+
     Exit status: 0, no error; 2, errors or probable mistakes.
     """
     from evaluator.workflow import check_experiment
@@ -30,10 +32,9 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
         content = {key: getattr(found, key) for key in ("faults", "mistakes", "runs", "videos", "unseen")}
         click.echo(json.dumps(content, indent=1, ensure_ascii=False))
     else:
-        for fault in found.faults:
-            click.echo(f"error: {fault}", err=True)
-        for mistake in found.mistakes:
-            click.echo(f"mistake? {mistake}", err=True)
+        for kind, sentences in (("error:", found.faults), ("mistake?", found.mistakes)):
+            for line in without_repeats(sentences):
+                click.echo(f"{kind} {line}", err=True)
         if not found.faults and not found.mistakes and not quiet:
             videos = f"{found.videos} from video" + ", whose motion turnscope analyze checks" * bool(found.videos)
             click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {videos}")
