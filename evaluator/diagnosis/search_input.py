@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.model_comparison import is_free
-from evaluator.diagnosis.candidates.coordinates import has_driven_magnets, named_terms, size_of
+from evaluator.diagnosis.candidates.coordinates import attraction_of, named_terms, size_of
 from evaluator.diagnosis.candidates.equivalent_terms import included_named_effects, is_included_in
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session
@@ -64,7 +64,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
         *(_reach(session), _levels(session), session.own, size),
         one_frame=frame,
         commands_recur=session.commands_recur,
-        driven_magnets=has_driven_magnets(session.robots[0]),
+        attraction=attraction_of(session.robots[0]),
         passed_rpm=_passed_rpm(session),
     )
     named = {effect: term for effect, term in every.items() if effect not in given}

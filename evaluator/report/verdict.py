@@ -18,6 +18,7 @@ from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
     as_sentence,
     closes,
+    determined_sentence,
     equivalents_sentence,
     exact_frictions_sentence,
     in_words,
@@ -48,7 +49,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
         for name, value in effect["parameters"].items():
             best, low, high = sizes(name, value, effect["id"])
             lines.append(f"  {name} = {best}  [95 %: {low} to {high}]")
-        lines += [together_sentence(effect), equivalents_sentence(effect)]
+        lines += [together_sentence(effect), determined_sentence(effect), equivalents_sentence(effect)]
     lines += [
         moved_marks_sentence(content),
         gap_sentence(content),

@@ -39,19 +39,22 @@ class Coordinate:
     prior_sigma: float = inf
 
 
+PAPER_ATTRACTION = (18.0, 2.0)  # 22.05 and 2.45 mN over a quarter of 4.9 mN, of the barrel robot
+
+
 @dataclass(frozen=True)
 class Scene:
     """Properties of the fitted runs that coordinates may depend on.
 
     reach_mm: largest distance of the robot from the origin of the plate; command_levels_rpm: distinct values of
-    commanded |rpm|; size: of the robot; driven_magnets: whether the plate attracts wheels without a motor; passed_rpm:
-    distinct values of |rpm| that logs pass as well, if they are known.
+    commanded |rpm|; size: of the robot; attraction: of a wheel with and of one without a motor, over the weight on
+    a wheel; passed_rpm: distinct values of |rpm| that logs pass as well, if they are known.
     """
 
     reach_mm: float
     command_levels_rpm: tuple[float, ...]
     size: Size = PAPER_SIZE
-    driven_magnets: bool = True
+    attraction: tuple[float, float] = PAPER_ATTRACTION
     passed_rpm: tuple[float, ...] = ()
 
     @property
@@ -78,7 +81,8 @@ class Candidate:
     attraction whose force is zero). begin: initial coordinates besides those from linearization, as found by an earlier
     fit; or empty. stepwise: the response is not differentiable; only the starts are tried, and each stands for the
     interval of `between` around it, (low, high). usual: range of the size in which the effect is accepted; beyond it
-    only together with the effect `beside`, which explains the same response.
+    only together with the effect `beside`, which explains the same response. known: quantities that the runs determine
+    even where they do not determine the parameters, as a function of the coordinates, by name.
     """
 
     id: str
@@ -90,6 +94,7 @@ class Candidate:
     begin: tuple[float, ...] = ()
     usual: tuple[float, float] = (-inf, inf)
     beside: str = ""
+    known: Callable[[tuple[float, ...]], Parameters] | None = None
 
     def believed(self, size: float, effects: AbstractSet[str]) -> bool:
         """Whether a size is accepted in a model with these effects; see usual and beside."""

@@ -15,6 +15,8 @@ DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0, sho
 # Of the inverse level: to 0.14 times the stated one within two standard deviations, and beyond its bound of 5 times.
 WEAKNESS_SIGMA = 3.0
 
+LOAD_RATIO = "driven_over_driving_load"
+
 
 def _act(draft: Draft, values: Values) -> None:
     draft.attraction_factor[draft.layout.driving] *= values["driving_factor"]
@@ -24,26 +26,35 @@ def _act(draft: Draft, values: Values) -> None:
 def _fitted(scene: Scene) -> Candidate:
     """Coordinates: inverse level, and balance of the axles.
 
-    With a slip law that scales with the load, motion depends on the balance, and on the level only through weight and
-    inertia relative to it; hence the inverse. Without magnets in driven wheels there is no balance. Beside a balance,
-    most runs do not show the level: it then stays near the stated one.
+    With a slip law that scales with the load, motion depends on the balance of the loads, which are attraction and
+    weight, and on the level only through weight and inertia relative to it; hence the inverse. Without magnets in
+    driven wheels there is no balance. Beside a balance, most runs do not show the level: it then stays near the stated
+    one, and what the runs determine is the ratio of the loads.
     """
+    driving, driven = scene.attraction
+    stated = (1 + driven) / (1 + driving)
 
     def physical(values: tuple[float, ...]) -> Parameters:
-        weakness, balance = values
-        return {"driving_factor": 1.0 / weakness, "driven_factor": balance / weakness}
+        share = values[1] * stated
+        # the plate attracts driven wheels at least by nothing: their load is at least their weight
+        level = max(1.0 / values[0], (1 / share - 1) / driving)
+        return {"driving_factor": level, "driven_factor": max(share * (1 + driving * level) - 1, 0.0) / driven}
+
+    def known(values: tuple[float, ...]) -> Parameters:
+        return {LOAD_RATIO: values[1] * stated}
 
     weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
-    if not scene.driven_magnets:
+    if not driven:
         return Candidate("magnet-strength", (weakness,), lambda values: {"driving_factor": 1.0 / values[0]})
-    most = DRIVEN.high / DRIVING.high
+    most, none = DRIVEN.high / DRIVING.high, 1 / (1 + driven)  # none: without driven magnets at the stated level
     return Candidate(
         "magnet-strength",
         (
             replace(weakness, prior_sigma=WEAKNESS_SIGMA),
-            Coordinate("driven_over_driving", 1.0, DRIVEN.step, 0.0, most, closed=True),
+            Coordinate("balance", 1.0, DRIVEN.step, none, most, closed=True),
         ),
         physical,
+        known=known,
     )
 
 

@@ -194,11 +194,12 @@ def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_me
 
 def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:
     found = candidate("magnet-strength")
-    assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": 0.5})
-    assert [item.low for item in found.coordinates] == pytest.approx([0.2, 0.0])
+    load = 2 * (3 / 19) * (1 + 18 / 4)  # of a driven wheel, over its weight
+    assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": (load - 1) / 2})
+    assert [item.low for item in found.coordinates] == pytest.approx([0.2, 1 / 3])
     assert [item.high for item in found.coordinates] == pytest.approx([20.0, 20.0])
     assert [item.prior_sigma for item in found.coordinates] == [3.0, np.inf]  # most runs show the balance alone
-    alone = EFFECTS["magnet-strength"].candidate(Scene(20.0, (30.0,), driven_magnets=False))
+    alone = EFFECTS["magnet-strength"].candidate(Scene(20.0, (30.0,), attraction=(18.0, 0.0)))
     assert [(item.name, item.prior_sigma) for item in alone.coordinates] == [("weakness", np.inf)]
     assert alone.physical((4.0,)) == {"driving_factor": 0.25}
     draft = Draft(load_robot("barrel"))

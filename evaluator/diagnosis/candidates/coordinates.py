@@ -11,7 +11,7 @@ from simulator.dynamics.layout import Layout
 from simulator.dynamics.scale import USUAL_DISTANCE_MM, time_unit_s
 from simulator.dynamics.terms import UN_PER_MN
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
-from simulator.effects.coordinates import Candidate, Scene
+from simulator.effects.coordinates import PAPER_ATTRACTION, Candidate, Scene
 from simulator.effects.parameter import PAPER_SIZE, Size
 from simulator.robot import Robot
 
@@ -28,10 +28,13 @@ def size_of(robot: Robot) -> Size:
     return Size(float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) / USUAL_DISTANCE_MM, load_mN / USUAL_LOAD_MN)
 
 
-def has_driven_magnets(robot: Robot) -> bool:
-    """Whether the plate attracts wheels of a robot that no motor drives."""
+def attraction_of(robot: Robot) -> tuple[float, float]:
+    """Attraction of a wheel with and of one without a motor, means, over the weight on a wheel; 0 without such."""
     layout = Layout.of(robot)
-    return bool(layout.attraction_uN[~layout.driving].any())
+    weight = robot.weight_uN / len(layout.driving)
+    kinds = (layout.attraction_uN[layout.driving], layout.attraction_uN[~layout.driving])
+    driving, driven = (float(kind.mean()) / weight if kind.size else 0.0 for kind in kinds)
+    return driving, driven
 
 
 def is_full_size(robot: Robot) -> bool:
@@ -52,7 +55,7 @@ def named_terms(
     *,
     one_frame: bool = True,
     commands_recur: bool = True,
-    driven_magnets: bool = True,
+    attraction: tuple[float, float] = PAPER_ATTRACTION,
     passed_rpm: tuple[float, ...] = (),
 ) -> dict[str, Candidate]:
     """All effects of the catalogue, and those of the user, as candidates by id.
@@ -61,9 +64,9 @@ def named_terms(
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
     omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
-    omitted. driven_magnets, passed_rpm: see Scene. On a plate, effects of open ground are omitted.
+    omitted. attraction, passed_rpm: see Scene. On a plate, effects of open ground are omitted.
     """
-    scene = Scene(reach_mm, command_levels_rpm, size, driven_magnets, passed_rpm)
+    scene = Scene(reach_mm, command_levels_rpm, size, attraction, passed_rpm)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}

@@ -40,12 +40,19 @@ class TermContent(TypedDict):
     coefficients: NotRequired[list[Bounded]]  # only if the effect is not fitted
 
 
+class DeterminedContent(Bounded):
+    """A quantity with the value according to robot.toml."""
+
+    stated: Number
+
+
 class EffectContent(TypedDict):
     """An effect of the verdict. For `"unknown"`, id is `"free-form"`: the effect is described by its terms."""
 
     id: str  # as in [[effect]] of robot.toml, or "free-form"
     name: str  # in words
     parameters: dict[str, Bounded]  # by name; intervals allow for a further effect that gains too little to be named
+    determined: NotRequired[dict[str, DeterminedContent]]  # what the runs show even if not the parameters, by name
     equivalent: list[str]  # ids of effects that these runs cannot distinguish from it, most similar first
     probability: float  # that the effect is present, given the runs and all sets of effects that were compared
     terms: NotRequired[list[TermContent]]  # of a free-form effect

@@ -15,7 +15,7 @@ from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.steps_of_a_term import likely_interval
-from evaluator.diagnosis.output.content import Bounded, EffectContent
+from evaluator.diagnosis.output.content import Bounded, DeterminedContent, EffectContent
 from evaluator.diagnosis.output.silence import silent_reaches
 from evaluator.diagnosis.result import Diagnosis
 from simulator.effects.catalogue import EFFECTS
@@ -99,6 +99,8 @@ def effect_content(diagnosis: Diagnosis, effect: str) -> EffectContent:
         "equivalent": equivalents(diagnosis, effect),
         "probability": round(probability, 4),
     }
+    if term.known:
+        shown["determined"] = _determined(diagnosis, term)
     if isinstance(term, FreeTerm):
         shown["terms"] = [
             {"channel": item.channel, "basis": item.basis, "pattern": item.pattern} for item in term.items
@@ -123,8 +125,18 @@ def parameters(diagnosis: Diagnosis, term: Candidate) -> dict[str, Bounded]:
     return {name: _interval(best[name], drawn[name], _period(term.id, name)) for name in best}
 
 
+def _determined(diagnosis: Diagnosis, term: Candidate) -> dict[str, DeterminedContent]:
+    """What the runs determine even where they do not determine the parameters (Candidate.known)."""
+    assert term.known is not None
+    best, stated = term.known(diagnosis.fit.point.terms[term.id]), term.known(term.absent)
+    drawn = _drawn(diagnosis, (term,))
+    return {
+        name: {**_interval(value, drawn[name], None), "stated": rounded(stated[name])} for name, value in best.items()
+    }
+
+
 def _drawn(diagnosis: Diagnosis, terms: Sequence[Candidate]) -> dict[str, Floats]:
-    """Joint draws of all physical parameters of some terms of the chosen set, by name, (DRAWS,) each."""
+    """Joint draws of all parameters, and of what else is known, of terms of the chosen set, by name, (DRAWS,) each."""
     parts = [_drawn_from(diagnosis, ids, count, terms) for ids, count in _sets_drawn(diagnosis).items()]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
@@ -168,7 +180,8 @@ def _drawn_from(diagnosis: Diagnosis, ids: Set, count: int, terms: Sequence[Cand
     found: dict[str, Floats] = {}
     for term in terms:
         own = [i for i, column in enumerate(fit.columns) if column.key == term.id]
-        physical = [term.physical(term.clipped(tuple(row))) for row in draws[:, own] + np.array(term.absent)]
+        places = [term.clipped(tuple(row)) for row in draws[:, own] + np.array(term.absent)]
+        physical = [{**term.physical(place), **(term.known(place) if term.known else {})} for place in places]
         found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
     return found
 

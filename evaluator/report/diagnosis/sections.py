@@ -23,6 +23,7 @@ from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
     as_sentence,
     closes,
+    determined_sentence,
     effect_words,
     equivalents_sentence,
     exact_frictions_sentence,
@@ -65,7 +66,7 @@ def _verdict(view: DiagnosisView) -> Section:
     if view.outdated:
         text.insert(0, "Recordings, robot or program changed after this diagnosis: run turnscope diagnose again.")
     for effect in content.get("effects") or []:
-        text += [together_sentence(effect), equivalents_sentence(effect)]
+        text += [together_sentence(effect), determined_sentence(effect), equivalents_sentence(effect)]
     text += [rivals_sentence(content), separations_sentence(content)]
     rows = [
         (effect["name"], *words, best, f"{low} to {high}")

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import parameters, sizes
+from evaluator.report.diagnosis.values import parameters, sizes, with_interval
 from evaluator.report.numbers import significant
 from simulator.effects.catalogue import EFFECTS
+from simulator.effects.magnet_strength import LOAD_RATIO
 
 Json = dict[str, Any]
 
@@ -165,6 +166,19 @@ def together_sentence(effect: Json) -> str:
         return ""
     none = " and ".join(f"{name} = {absent[name]:g}" for name in parameters)
     return f"Each of these values may be the one of no effect, but not all at once ({none})."
+
+
+DETERMINED = {LOAD_RATIO: "the load of a driven over that of a driving wheel"}
+
+
+def determined_sentence(effect: Json) -> str:
+    """What the runs determine of an effect besides its parameters; empty without anything."""
+    said = []
+    for name, value in (effect.get("determined") or {}).items():
+        best, low, high = with_interval(value)
+        words = DETERMINED.get(name, name.replace("_", " "))
+        said.append(f"{words}, {best} [95 %: {low} to {high}] (as stated: {significant(value['stated'], 3)})")
+    return f"The runs determine {'; and '.join(said)}." if said else ""
 
 
 MOST_NAMED = 6  # runs left out for one reason

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.candidates.coordinates import has_driven_magnets, named_terms, size_of
+from evaluator.diagnosis.candidates.coordinates import attraction_of, named_terms, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -36,11 +36,29 @@ def test_factors_are_one_where_nothing_is_changed(effect: str) -> None:
 
 
 def test_magnets_of_known_balance_and_unknown_level_have_a_long_interval_upward() -> None:
-    strength = TERMS["magnet-strength"]
-    near, far = (strength.physical((weakness, 4.25)) for weakness in (5.0, 1.5))
-    assert near == pytest.approx({"driving_factor": 0.2, "driven_factor": 0.85})
-    assert far["driven_factor"] / far["driving_factor"] == pytest.approx(4.25)
-    assert strength.physical(TERMS["magnet-strength"].absent) == {"driving_factor": 1.0, "driven_factor": 1.0}
+    """The ratio of the loads, of attraction and weight, is the same at every level."""
+    strength = named_terms(20.0, (30.0,), attraction=(18.0, 2.0))["magnet-strength"]
+    for weakness in (5.0, 1.5, 0.3):
+        found = strength.physical((weakness, 4.25))
+        assert found["driving_factor"] == pytest.approx(1 / weakness)
+        loads = 1 + 18 * found["driving_factor"], 1 + 2 * found["driven_factor"]
+        assert loads[1] / loads[0] == pytest.approx(4.25 * 3 / 19)
+        assert strength.known is not None
+        assert strength.known((weakness, 4.25)) == {"driven_over_driving_load": pytest.approx(4.25 * 3 / 19)}
+    assert strength.physical(strength.absent) == pytest.approx({"driving_factor": 1.0, "driven_factor": 1.0})
+
+
+def test_a_driven_wheel_carries_its_weight_at_least() -> None:
+    """Below a level of all magnets, a lower load of the driven wheels cannot be: the balance stays, the level does not.
+
+    With the level kept, no change of the balance changed anything, and a fit stayed there, 5 below its best evidence.
+    """
+    strength = named_terms(20.0, (30.0,), attraction=(18.0, 2.0))["magnet-strength"]
+    found = strength.physical((7.0, 1.0))
+    assert found == pytest.approx({"driving_factor": (19 / 3 - 1) / 18, "driven_factor": 0.0}, abs=1e-12)
+    assert strength.physical((7.0, 1.1))["driving_factor"] < found["driving_factor"]
+    without = strength.physical((1.0, strength.coordinates[1].low))
+    assert without == pytest.approx({"driving_factor": 1.0, "driven_factor": 0.0}, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -48,14 +66,19 @@ def test_magnets_of_known_balance_and_unknown_level_have_a_long_interval_upward(
 )
 def test_magnets_of_driven_wheels_have_a_strength_where_there_are_any(robot: str, attracted: bool) -> None:
     """A factor of the magnets of casters was told as 3, between 0 and 55."""
-    assert has_driven_magnets(load_robot(robot)) == attracted
-    assert named_terms(20.0, (30.0,), driven_magnets=attracted)["magnet-strength"].size == 1 + attracted
+    found = attraction_of(load_robot(robot))
+    assert bool(found[1]) == attracted
+    assert named_terms(20.0, (30.0,), attraction=found)["magnet-strength"].size == 1 + attracted
+
+
+def test_attraction_is_over_the_weight_on_a_wheel() -> None:
+    assert attraction_of(load_robot("barrel")) == pytest.approx((22.05 / 1.225, 2.45 / 1.225), rel=2e-3)
 
 
 @pytest.mark.parametrize("name", shipped_robots())
 def test_every_candidate_acts_on_every_shipped_robot(name: str) -> None:
     robot = load_robot(name)
-    terms = named_terms(20.0, (30.0,), size=size_of(robot), driven_magnets=has_driven_magnets(robot))
+    terms = named_terms(20.0, (30.0,), size=size_of(robot), attraction=attraction_of(robot))
     for term in terms.values():
         place = term.starts[0] if term.starts else tuple(item.absent + item.step for item in term.coordinates)
         add_term(term, place, Draft(robot), view_of(robot, reference_places(robot)))
