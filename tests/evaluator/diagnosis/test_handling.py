@@ -41,6 +41,23 @@ def test_run_begins_where_the_robot_rests_after_it_was_laid_down() -> None:
     assert kept_s(filmed(laid_down_s=0.5)) == pytest.approx((0.6, 3.98), abs=0.04)
 
 
+@pytest.mark.parametrize("last_s", [0.88, 0.9, 0.94])
+def test_first_frames_after_a_sudden_rest_may_count_as_wrong_marks(last_s: float) -> None:
+    """A hand twists the robot and stops at once, and a jumpy tracker: 7 of 18 runs were late starts."""
+    run = filmed(laid_down_s=0.78, hand_mm_s=20.0)
+    marks = run.marks_mm.copy()
+    marks[(run.time_s > 0.76) & (run.time_s < last_s)] = np.nan
+    assert kept_s(replace(run, marks_mm=marks))[0] == pytest.approx(0.8, abs=0.02)
+    assert not late_starts([replace(run, marks_mm=marks[(own := between_hands(run))], time_s=run.time_s[own])], [])
+
+
+def test_a_wrong_mark_is_no_motion_before_the_start() -> None:
+    run = filmed(laid_down_s=0.5)
+    marks = run.marks_mm.copy()
+    marks[int(0.85 * 60)] += 0.4
+    assert kept_s(replace(run, marks_mm=marks))[0] == pytest.approx(0.6, abs=0.04)
+
+
 def test_run_ends_where_the_robot_is_taken_away() -> None:
     assert kept_s(filmed(taken_away_s=3.0)) == pytest.approx((0.0, 3.0), abs=0.04)
 

@@ -77,9 +77,12 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
 
     Empty if it does not rest there, or never deviates as far as a hand carries it.
     """
-    resting = (run.time_s >= rest_s) & (run.time_s <= rest_s + RESTS_S)
     seen = np.isfinite(run.marks_mm).all(axis=1)
     nowhere = np.zeros(0, dtype=np.int64)
+    for lasting_s in (RESTS_S, 2 * RESTS_S):  # the first frames after a sudden stop may count as wrong marks
+        resting = (run.time_s >= rest_s) & (run.time_s <= rest_s + lasting_s)
+        if (resting & seen).sum() >= MOVING_FRAMES:
+            break
     if (resting & seen).sum() < MOVING_FRAMES or not (outside & seen).any():
         return nowhere
     off = run.marks_mm - np.median(run.marks_mm[resting & seen], axis=0)
@@ -89,6 +92,6 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
     in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)
     least_mm = CARRIED_SHARE * 2 * arm_mm(run)
     far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > least_mm
-    if moved[resting & seen].any() or not (in_a_row & far).any():
+    if moved[resting & seen].sum() > 1 or not (in_a_row & far).any():  # one alone is a wrong mark
         return nowhere
     return np.flatnonzero(in_a_row)
