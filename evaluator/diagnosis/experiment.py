@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibration.store import load_camera
 from evaluator.diagnosis.assessment.sole_run import FEWEST_RUNS
-from evaluator.diagnosis.candidates.coordinates import any_full_size, is_full_size
+from evaluator.diagnosis.candidates.coordinates import is_full_size, on_open_ground
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
 from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
@@ -93,7 +93,7 @@ class Session:
         On a plate, yes: the model explains each command to the noise. On open ground the residuals of a model depend on
         the command, and imitate a drift unless at least two commands are driven again after others.
         """
-        if not any_full_size(self.robots):
+        if not on_open_ground(self.robots, self.data):
             return True
         stretches = [command for command, _ in groupby(run.command for run in self.data)]
         return sum(count > 1 for count in Counter(stretches).values()) >= FEWEST_COMMANDS
@@ -124,7 +124,7 @@ def needed_of(session: Session) -> Session:
 
     Recordings that are whole because their times are in another unit are kept, so that they are named as mistakes.
     """
-    if not any_full_size(session.robots):
+    if not on_open_ground(session.robots, session.data):
         return session
     whole = {k for k, run in enumerate(session.data) if run.from_poses and np.ptp(run.time_s) > LONGEST_S}
     unneeded = set(range(len(session.data))) - set(needed_runs(session.data)) - whole

@@ -58,7 +58,7 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     """The runs of a session with their noise and all candidate terms."""
     data = session.data
     given = {entry.id for entry in session.robots[0].effect}
-    size = size_of(session.robots[0])
+    size = size_of(session.robots[0], filmed=not any(run.from_poses for run in data))
     frame = session.one_frame
     every = named_terms(
         *(_reach(session), _levels(session), session.own, size),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from math import exp, log
 
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
@@ -12,8 +12,8 @@ from simulator.effects.parameter import Parameter
 DRIVING = Parameter("driving_factor", "", 1.0, 0.02, 0.05, 5.0, at_least=0.0, shown=1.0)
 DRIVEN = Parameter("driven_factor", "", 1.0, 0.02, 0.0, 100.0, at_least=0.0, shown=6.0)
 
-# Of the inverse level: to 0.14 times the stated one within two standard deviations, and beyond its bound of 5 times.
-WEAKNESS_SIGMA = 3.0
+# Of the logarithm of the level: from 0.14 to 7 times the stated one within two standard deviations.
+LEVEL_SIGMA = 1.0
 
 LOAD_RATIO = "driven_over_driving_load"
 
@@ -24,38 +24,32 @@ def _act(draft: Draft, values: Values) -> None:
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Coordinates: inverse level, and balance of the axles.
+    """Coordinates: balance of the axles, and the logarithm of the level.
 
     With a slip law that scales with the load, motion depends on the balance of the loads, which are attraction and
-    weight, and on the level only through weight and inertia relative to it; hence the inverse. Without magnets in
-    driven wheels there is no balance. Beside a balance, most runs do not show the level: it then stays near the stated
-    one, and what the runs determine is the ratio of the loads.
+    weight, and on the level only through weight and inertia relative to it. Beside a balance, most runs do not show the
+    level: it then stays near the stated one, and what the runs determine is the ratio of the loads. Without magnets in
+    driven wheels there is no balance, and the inverse level is what acts.
     """
     driving, driven = scene.attraction
     stated = (1 + driven) / (1 + driving)
 
     def physical(values: tuple[float, ...]) -> Parameters:
-        share = values[1] * stated
+        share = values[0] * stated
         # the plate attracts driven wheels at least by nothing: their load is at least their weight
-        level = max(1.0 / values[0], (1 / share - 1) / driving)
+        level = max(exp(values[1]), (1 / share - 1) / driving)
         return {"driving_factor": level, "driven_factor": max(share * (1 + driving * level) - 1, 0.0) / driven}
 
     def known(values: tuple[float, ...]) -> Parameters:
-        return {LOAD_RATIO: values[1] * stated}
+        return {LOAD_RATIO: values[0] * stated}
 
-    weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
     if not driven:
+        weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
         return Candidate("magnet-strength", (weakness,), lambda values: {"driving_factor": 1.0 / values[0]})
-    most, none = DRIVEN.high / DRIVING.high, 1 / (1 + driven)  # none: without driven magnets at the stated level
-    return Candidate(
-        "magnet-strength",
-        (
-            replace(weakness, prior_sigma=WEAKNESS_SIGMA),
-            Coordinate("balance", 1.0, DRIVEN.step, none, most, closed=True),
-        ),
-        physical,
-        known=known,
-    )
+    most, least = DRIVEN.high / DRIVING.high, 1 / (stated * (1 + driving * DRIVING.high))  # without driven magnets
+    level = Coordinate("log_level", 0.0, DRIVING.step, log(DRIVING.low), log(DRIVING.high), prior_sigma=LEVEL_SIGMA)
+    balance = Coordinate("load_balance", 1.0, DRIVEN.step, least, most, closed=True)
+    return Candidate("magnet-strength", (balance, level), physical, known=known)
 
 
 EFFECT = Effect(

@@ -54,11 +54,12 @@ class Size:
 
     length: float = 1.0
     force: float = 1.0
+    filmed: bool = False
 
     @property
     def on_ground(self) -> bool:
-        """Whether the robot is too large for a plate, and drives on open ground."""
-        return self.length > ON_PLATE
+        """Whether the robot drives on open ground: it is too large for a plate, and no fixed camera sees its marks."""
+        return self.length > ON_PLATE and not self.filmed
 
     def of(self, unit: str) -> float:
         """Factor by which a quantity with this unit, a key of UNITS, is scaled for the robot."""

@@ -192,13 +192,15 @@ def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_me
     assert found.starts == (pytest.approx((0.05, 0.05)),)  # of 10, 10, 10 and 30 rpm
 
 
-def test_magnets_are_fitted_in_the_inverse_of_their_level_and_their_balance() -> None:
+def test_magnets_are_fitted_in_the_balance_of_the_loads_and_the_logarithm_of_their_level() -> None:
     found = candidate("magnet-strength")
     load = 2 * (3 / 19) * (1 + 18 / 4)  # of a driven wheel, over its weight
-    assert found.physical((4.0, 2.0)) == pytest.approx({"driving_factor": 0.25, "driven_factor": (load - 1) / 2})
-    assert [item.low for item in found.coordinates] == pytest.approx([0.2, 1 / 3])
-    assert [item.high for item in found.coordinates] == pytest.approx([20.0, 20.0])
-    assert [item.prior_sigma for item in found.coordinates] == [3.0, np.inf]  # most runs show the balance alone
+    assert found.physical((2.0, -np.log(4.0))) == pytest.approx(
+        {"driving_factor": 0.25, "driven_factor": (load - 1) / 2}
+    )
+    assert [item.low for item in found.coordinates] == pytest.approx([19 / 3 / 91, np.log(0.05)])
+    assert [item.high for item in found.coordinates] == pytest.approx([20.0, np.log(5.0)])
+    assert [item.prior_sigma for item in found.coordinates] == [np.inf, 1.0]  # most runs show the balance alone
     alone = EFFECTS["magnet-strength"].candidate(Scene(20.0, (30.0,), attraction=(18.0, 0.0)))
     assert [(item.name, item.prior_sigma) for item in alone.coordinates] == [("weakness", np.inf)]
     assert alone.physical((4.0,)) == {"driving_factor": 0.25}

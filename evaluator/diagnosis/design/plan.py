@@ -8,6 +8,7 @@ are free). Source: Atkinson & Donev (1992), Optimum Experimental Designs, chapte
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -147,7 +148,8 @@ def expected(robot: Robot, terms: Mapping[str, Candidate], runs: Sequence[Candid
             ]
             gained, what = max(freed, default=(0.0, ""))
             hides = (what, gained) if gained > HIDDEN * seen else ("", None)
-            shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0], *hides))
+            if columns[i].prior_sigma == math.inf:  # runs hardly show a level of magnets that needs a prior
+                shown.append(Expected(effect, name, value, seen, nearest[1], nearest[0], *hides))
         # parameters without influence on their own, such as the fall-off of an attraction at its absent value, do not
         # count
         visible = [item for item in shown if item.sigmas > 0] or shown

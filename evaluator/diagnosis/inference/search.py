@@ -20,6 +20,11 @@ from simulator.effects.coordinates import Candidate
 
 # Prior of no, one, two, three effects: half of the laboratories that run a diagnosis have one, fewer have more.
 SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
+# Decrease of -2 log density that a linearization still promises where a fit has stalled, from which it is tried from
+# elsewhere: odds that decide about an effect (e⁸ to 1). On open ground every fit ends so: LAGGING.
+MATERIAL = 16.0
+FAR_BEYOND = 3.0  # tolerances from which a value is a finding (assessment.knowledge)
+FIRM = 0.1  # tolerances by which values far beyond them are led back, in their own
 LARGEST_SET = 3
 # On open ground. Encoders show that the drives of a Husky and a Warthog lag, limit speed and limit acceleration; the
 # gains of the Husky also differ from the stated ones.
@@ -132,7 +137,8 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
     fit = _fit_from(search, Point(origin.point.per_run, origin.point.nominal, values), smooth, fixed, rival=rival)
     lags = fit is not None and fit.posterior.log_evidence < rival - LAGGING
-    if fit is None or not ((fit.converged and fit.shortfall < LAGGING) or lags):
+    material = LAGGING if search.problem.open_ground else MATERIAL
+    if fit is None or not ((fit.converged and fit.shortfall < material) or lags):
         # from implausible friction and gains, which conceal a misfit, no step may improve
         begin = replace(origin.point.without_scatter(), nominal={}, terms=values)
         usual = _fit_from(search, begin, smooth, fixed, USUAL_SCATTER, rival)
@@ -140,6 +146,8 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
             again = _fit_from(search, usual.point, smooth, fixed, rival=rival)
             usual = again if again is not None and again.converged else usual
         fit = _better(fit, usual)
+        if fit is not None and fit.converged and fit.shortfall >= material and not lags:
+            fit = _better(fit, _led_to_tolerances(search, fit, smooth, fixed, rival))
     if fit is None or not fit.converged:
         if ids not in search.fits:
             search.failed[ids] = fit
@@ -152,6 +160,28 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     if search.problem.horizon_s == np.inf:
         search.problem.watch.so_far, search.problem.watch.explained = search.so_far, search.explained > -np.inf
     return search.fits[ids]
+
+
+def _led_to_tolerances(
+    search: Search, fit: Fit, smooth: Sequence[Candidate], fixed: Values, rival: float
+) -> Fit | None:
+    """A fit from where its effects stand for values that lie far beyond their tolerances; None without such values.
+
+    Without the effect these values take up its misfit as far as they can, and from there the way back is a curve that
+    no step follows: with driven wheels attracted 2.5 times as strongly as stated, attractions 6 and 5 tolerances off
+    kept the strength of magnets at 1.05 times, 40 below its best evidence. A fit in which these values are known more
+    firmly leaves them for the effects; it is a place to begin at, and no result.
+    """
+    beyond = {
+        column.key
+        for column in fit.columns
+        if column.term is None and abs(fit.point.value(column)) > FAR_BEYOND * search.tolerance[column.key]
+    }
+    if not beyond:
+        return None
+    firm = {key: value * (FIRM if key in beyond else 1.0) for key, value in search.tolerance.items()}
+    led = _fit_from(search, fit.point, smooth, fixed, rival=rival, tolerance=firm)
+    return _fit_from(search, led.point, smooth, fixed, rival=rival) if led else None
 
 
 def _better(fit: Fit | None, usual: Fit | None) -> Fit | None:
@@ -188,11 +218,12 @@ def _fit_from(
     fixed: Values,
     most_scatter: tuple[float, ...] | None = None,
     rival: float = -np.inf,
+    tolerance: Mapping[str, float] | None = None,
 ) -> Fit | None:
-    """One fit; None if runs cannot be simulated."""
-    problem, tolerance, runs = search.problem, search.tolerance, search.runs
+    """One fit, with the tolerances of the search unless others are given; None if runs cannot be simulated."""
+    problem, runs = search.problem, search.runs
     try:
-        fit = fit_model(problem, begin, smooth, tolerance, runs, fixed, most_scatter, rival=rival)
+        fit = fit_model(problem, begin, smooth, tolerance or search.tolerance, runs, fixed, most_scatter, rival=rival)
     except FloatingPointError:
         search.steps += 1
         return None

@@ -35,7 +35,7 @@ PER_RUN_STEPS = (1e-3, 1e-3, 1e-4, 1e-3, 2e-4, 2e-4, 0.1)
 FRICTION, START = 3, 6  # indices among them
 # Parameters of runs on open ground: start pose and start, and where a camera sees the marks also friction. Without it,
 # friction that scatters by 10 % between runs on a slope was named as friction that varies over the plate.
-OF_GROUND, SEEN_ON_GROUND = (0, 1, 2, START), (0, 1, 2, FRICTION, START)
+OF_GROUND = (0, 1, 2, START)
 # Simulations in one piece of work: their marks, some 20 kB each, fit into the processor's cache, and there are several
 # pieces for several cores. Pieces do not depend on the number of cores.
 TASKS_AT_ONCE = 80
@@ -75,13 +75,13 @@ class Problem:
 
     @property
     def open_ground(self) -> bool:
-        """Whether the robot is too large for a plate, so that its noise is estimated from residuals.
+        """Whether the robot drives on open ground, so that its noise is estimated from residuals.
 
-        Gains of each run, and friction if its poses are not from marks, are then omitted, because the noise includes
-        them already: three parameters for two seconds of poses absorbed any dynamics of the drive, so that their
-        scatter reached the end of its grid and few fits converged. See noise/discrepancy.py.
+        Gains and friction of each run are then omitted, because the noise includes them already: three parameters for
+        two seconds of poses absorbed any dynamics of the drive, so that their scatter reached the end of its grid and
+        few fits converged. See noise/discrepancy.py.
         """
-        return Size(self.length).on_ground
+        return Size(self.length, filmed=not any(run.from_poses for run in self.data)).on_ground
 
     @property
     def field_of_view(self) -> float:
@@ -108,8 +108,7 @@ class Problem:
     @property
     def varied(self) -> NDArray[np.int64]:
         """Indices of the parameters per run that are fitted."""
-        of_ground = OF_GROUND if any(run.from_poses for run in self.data) else SEEN_ON_GROUND
-        every = of_ground if self.open_ground else range(PER_RUN)
+        every = OF_GROUND if self.open_ground else range(PER_RUN)
         return np.array([number for number in every if number != START or self.starts_show])
 
     @property

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.candidates.coordinates import any_full_size
+from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.candidates.free_form import wheel_friction
 from evaluator.diagnosis.likelihood.feature_cache import Paths
 from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
@@ -71,7 +71,7 @@ class Simulated:
         self._paths = Paths()
         self._rippling = any(entry.id == RIPPLE for robot in distinct.values() for entry in robot.effect)
         self._most_turns = max(map(_turns, data), default=0.0)
-        on_ground = any_full_size(self.robots)
+        on_ground = on_open_ground(self.robots, data)
         self._tolerance_mm = GROUND_TOLERANCE_MM if on_ground else TOLERANCE_MM
 
     def of_frames(self, data: Sequence[RunData]) -> Simulated:

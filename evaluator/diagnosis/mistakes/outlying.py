@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evaluator.diagnosis.candidates.coordinates import is_full_size
+from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
@@ -77,7 +77,7 @@ def outlying_run(
     ground by chance. gains: relative excess of its wheel speeds, if only these disagree.
     """
     alone = f"{run.id} disagrees with the robot that the other {len(others)} runs determine"
-    on_ground = is_full_size(robot)
+    on_ground = on_open_ground([robot], [run])
     reading = None if on_ground else reading_of(run, others, robot)
     of_speeds = None if run.log is not None or on_ground else gains
     if of_speeds is not None and (reading is None or not _has_speeds(reading, run, of_speeds)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from evaluator.diagnosis.candidates.coordinates import any_full_size
+from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
@@ -62,7 +62,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found = beyond_a_dead_band(found, data, still)
     doubtful = contradicting_copies(data, found)
     found, sure = [*found, *doubtful], [*sure, *doubtful]
-    if any_full_size(robots):
+    if on_open_ground(robots, data):
         by_model = {(item.run, item.kind) for read in reads for item in read.found if item.run not in read.far}
         kinds, poses = [item.kind for item in found], {run.id for run in data if run.from_poses}
         found = [

@@ -12,9 +12,19 @@ from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.turning.motion.curvature import Z_975
+from simulator.effects.coordinates import Candidate, Coordinate
 from tests.evaluator.diagnosis.hidden import hidden_session
 
 WEAKER = {"driving_factor": 0.73, "driven_factor": 1.14}
+# Coordinates that the runs determine along a curve only: inverse level, and the ratio of the attractions.
+CURVED = Candidate(
+    "magnet-strength",
+    (
+        Coordinate("weakness", 1.0, 0.02, 0.2, 20.0, prior_sigma=3.0),
+        Coordinate("driven_over_driving", 1.0, 0.02, 0.0, 20.0, closed=True),
+    ),
+    lambda values: {"driving_factor": 1 / values[0], "driven_factor": values[1] / values[0]},
+)
 ENOUGH = 1.5  # of the drop of 3.84: the ends are walked to within a tenth, and the density is rough by 0.8
 
 
@@ -22,7 +32,7 @@ ENOUGH = 1.5  # of the drop of 3.84: the ends are walked to within a tenth, and 
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
     """Runs of weaker magnets, fitted: how strong they are shows in little but weight and inertia beside them."""
     session = hidden_session(tmp_path_factory.mktemp("weaker"), {"magnet-strength": WEAKER}, exact=True)
-    terms = named_terms(20.0, (30.0, 60.0))
+    terms = named_terms(20.0, (30.0, 60.0)) | {"magnet-strength": CURVED}
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
     found = Search(problem, terms, session.tolerance, tuple(range(len(session.data))))
     found.fits[frozenset({"magnet-strength"})] = fit_model(problem, start, [terms["magnet-strength"]], found.tolerance)

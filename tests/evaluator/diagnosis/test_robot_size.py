@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.assessment.verdict import material_gain
-from evaluator.diagnosis.candidates.coordinates import USUAL_LOAD_MN, is_full_size, named_terms, size_of
+from evaluator.diagnosis.candidates.coordinates import USUAL_LOAD_MN, is_full_size, named_terms, on_open_ground, size_of
 from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.design.candidate_runs import commands_at
 from evaluator.diagnosis.likelihood.known_to import quantities, start_per_run_s
@@ -70,9 +70,15 @@ def test_robot_of_some_centimetres_drives_on_a_plate_where_wheel_speeds_differ_b
     assert robot.wheels is not None
     wheels = robot.wheels.model_copy(update={"wheelbase_mm": 4.0 * times, "track_mm": 4.0 * times})
     large = robot.model_copy(update={"wheels": wheels})
-    problem = Problem((), cast("Simulated", None), (), (), (), 1.0, size_of(large).length)
-    assert is_full_size(large) == problem.open_ground == on_ground
+    poses, marks = (cast("RunData", SimpleNamespace(from_poses=of_poses)) for of_poses in (True, False))
+    problem = Problem((poses,), cast("Simulated", None), (), (), (), 1.0, size_of(large).length)
+    assert is_full_size(large) == on_open_ground([large], [poses]) == problem.open_ground == on_ground
     assert (4 in problem.varied) != on_ground  # wheel speeds
+    filmed = replace(problem, data=(marks,))
+    assert not on_open_ground([large], [marks])
+    assert not filmed.open_ground
+    assert 4 in filmed.varied
+    assert not size_of(large, filmed=True).on_ground
 
 
 def test_size_of_a_large_robot_is_the_distance_of_its_wheels_from_their_middle_and_its_load_beside_the_papers() -> None:

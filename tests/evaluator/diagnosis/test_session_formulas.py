@@ -63,7 +63,7 @@ def test_runs_of_which_one_has_no_poses_share_a_frame() -> None:
 def test_on_open_ground_two_commands_must_come_again_after_others(
     driven: str, full_size: bool, recur: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(experiment, "any_full_size", lambda _: full_size)
+    monkeypatch.setattr(experiment, "on_open_ground", lambda *_: full_size)
     runs = [run_at(0.0, command=(float(ord(letter)), 0.0)) for letter in driven]
     assert session_of(runs).commands_recur == recur
 

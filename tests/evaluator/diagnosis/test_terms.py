@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,12 +40,12 @@ def test_magnets_of_known_balance_and_unknown_level_have_a_long_interval_upward(
     """The ratio of the loads, of attraction and weight, is the same at every level."""
     strength = named_terms(20.0, (30.0,), attraction=(18.0, 2.0))["magnet-strength"]
     for weakness in (5.0, 1.5, 0.3):
-        found = strength.physical((weakness, 4.25))
+        found = strength.physical((4.25, -math.log(weakness)))
         assert found["driving_factor"] == pytest.approx(1 / weakness)
         loads = 1 + 18 * found["driving_factor"], 1 + 2 * found["driven_factor"]
         assert loads[1] / loads[0] == pytest.approx(4.25 * 3 / 19)
         assert strength.known is not None
-        assert strength.known((weakness, 4.25)) == {"driven_over_driving_load": pytest.approx(4.25 * 3 / 19)}
+        assert strength.known((4.25, -math.log(weakness))) == {"driven_over_driving_load": pytest.approx(4.25 * 3 / 19)}
     assert strength.physical(strength.absent) == pytest.approx({"driving_factor": 1.0, "driven_factor": 1.0})
 
 
@@ -54,11 +55,12 @@ def test_a_driven_wheel_carries_its_weight_at_least() -> None:
     With the level kept, no change of the balance changed anything, and a fit stayed there, 5 below its best evidence.
     """
     strength = named_terms(20.0, (30.0,), attraction=(18.0, 2.0))["magnet-strength"]
-    found = strength.physical((7.0, 1.0))
+    found = strength.physical((1.0, -math.log(7.0)))
     assert found == pytest.approx({"driving_factor": (19 / 3 - 1) / 18, "driven_factor": 0.0}, abs=1e-12)
-    assert strength.physical((7.0, 1.1))["driving_factor"] < found["driving_factor"]
-    without = strength.physical((1.0, strength.coordinates[1].low))
-    assert without == pytest.approx({"driving_factor": 1.0, "driven_factor": 0.0}, abs=1e-12)
+    assert strength.physical((1.1, -math.log(7.0)))["driving_factor"] < found["driving_factor"]
+    assert strength.physical((1 / 3, 0.0)) == pytest.approx({"driving_factor": 1.0, "driven_factor": 0.0}, abs=1e-12)
+    least = strength.physical((strength.coordinates[0].low, 0.0))
+    assert least == pytest.approx({"driving_factor": 5.0, "driven_factor": 0.0}, abs=1e-12)
 
 
 @pytest.mark.parametrize(

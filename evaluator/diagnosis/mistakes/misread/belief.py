@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evaluator.diagnosis.candidates.coordinates import any_full_size, is_full_size
+from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_tolerances
 from evaluator.diagnosis.mistakes.misread.judgement import (
@@ -200,7 +200,7 @@ def beyond_tolerances(found: Sequence[Found], judgements: Sequence[Judgement], r
 
 def is_beyond_tolerances(found: Found, item: Judgement, robot: Robot) -> bool:
     """Whether a mistake fits its run several times better than the file also with values within their tolerances."""
-    if is_full_size(robot):  # nobody knows the ground to a tolerance
+    if on_open_ground([robot], [item.ways[0].run]):  # nobody knows the ground to a tolerance
         return True
     others = np.where([way.kind == found.kind for way in item.ways], item.misfits_mm, np.inf)
     mistaken = int(np.nanargmin(others))
@@ -219,7 +219,11 @@ def misfits_within_tolerances(
     nearest first, as long as they then fit several times better than the file, which is tried last. Unchanged if more
     than half of the runs, or hundreds, are odd: that is physics, or a mistake of the session.
     """
-    if 2 * sum(odd) > len(odd) or sum(odd) > MOST_VARIED or any_full_size(robots):
+    if (
+        2 * sum(odd) > len(odd)
+        or sum(odd) > MOST_VARIED
+        or on_open_ground(robots, (item.ways[0].run for item in judgements))
+    ):
         return [item.misfits_mm for item in judgements]
     found = []
     for item, robot, is_odd in zip(judgements, robots, odd, strict=True):
