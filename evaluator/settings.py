@@ -219,16 +219,13 @@ def load_experiment(path: Path | str) -> Experiment:
     def absolute(value: Path | None) -> Path | None:
         return None if value is None else named_in(path, value)
 
-    def robot(value: str | None) -> str | None:
-        return str(named_in(path, value)) if value is not None and value.endswith(".toml") else value
-
     runs = tuple(
         run.model_copy(
             update={
                 **{key: absolute(getattr(run, key)) for key in ("video", "marks", "poses", "commands", "corrections")},
                 "camera": absolute(run.camera or raw.camera),
                 "topics": run.topics or raw.commands,
-                "robot": robot(run.robot or raw.robot),
+                "robot": robot_named_in(path, run.robot or raw.robot),
             }
         )
         for run in raw.run
@@ -237,7 +234,7 @@ def load_experiment(path: Path | str) -> Experiment:
         update={
             "run": runs,
             "camera": absolute(raw.camera),
-            "robot": robot(raw.robot),
+            "robot": robot_named_in(path, raw.robot),
             "tracking": absolute(raw.tracking),
         }
     )
@@ -289,6 +286,18 @@ def load_measured(name_or_path: Path) -> MeasuredRobot:
     Raises SimulationError for an unknown name, else OSError, tomllib.TOMLDecodeError, pydantic.ValidationError.
     """
     return MeasuredRobot.model_validate(tomllib.loads(_robot_text(name_or_path)))
+
+
+def robot_named_in(file: Path, name: str) -> str:
+    """A robot that an experiment names: one of the package, or the path of its file, relative to the experiment.
+
+    Raises PermissionError for a file outside of the sandbox, see named_in.
+    """
+    if name in shipped_robots():
+        return name
+    path = named_in(file, name)
+    is_file = name.endswith(".toml") or path.exists() or Path(name).exists()
+    return str(path) if is_file else name  # of a misspelt one the nearest is told
 
 
 def load_any_robot(name_or_path: Path) -> Robot | MeasuredRobot:

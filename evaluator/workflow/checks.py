@@ -7,7 +7,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.implausible import doubts_of_robots
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from simulator.files.named import named_in
 
 if TYPE_CHECKING:
     from evaluator.interchange.tracker_faults import Mended
@@ -44,12 +45,11 @@ class Written:
     @cached_property
     def marks_of_robot(self) -> tuple[str, ...]:
         """Marks of the robot; none if it cannot be read, which is reported for the robot."""
-        from evaluator.settings import load_any_robot
+        from evaluator.settings import load_any_robot, robot_named_in
         from simulator.errors import SimulationError
 
-        name = str(self.content.get("robot", ""))
         try:
-            return tuple(load_any_robot(self.folder / name if name.endswith(".toml") else Path(name)).points_mm)
+            return tuple(load_any_robot(Path(robot_named_in(self.path, str(self.content.get("robot", ""))))).points_mm)
         except (OSError, ValueError, SimulationError):
             return ()
 
@@ -217,13 +217,14 @@ def _faults_of_named_files(written: Written) -> Iterator[str]:
     tables += [run for run in runs if isinstance(run, dict)] if isinstance(runs, list) else []
     for key, check in CHECKS.items():
         for name in dict.fromkeys(table[key] for table in tables if isinstance(table.get(key), str)):
-            yield from check(written, name)
+            outside = list(_fault(partial(named_in, name=name), written.path))
+            yield from outside or check(written, name)
 
 
 def _robot(written: Written, name: str) -> Iterator[str]:
-    from evaluator.settings import load_any_robot
+    from evaluator.settings import load_any_robot, robot_named_in
 
-    yield from _fault(load_any_robot, written.folder / name if name.endswith(".toml") else Path(name))
+    yield from _fault(load_any_robot, Path(robot_named_in(written.path, name)))
 
 
 def _camera(written: Written, name: str) -> Iterator[str]:

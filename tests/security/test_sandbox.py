@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from evaluator.settings import load_experiment
+from evaluator.workflow.checks import check_experiment
 from simulator.files.named import SANDBOX
 from simulator.own_effects.files import load_beside
 from simulator.rendering.scene import load_scene
@@ -41,6 +42,25 @@ def test_an_experiment_that_names_a_file_outside_is_refused_in_a_sentence(name: 
     done = turnscope("--sandbox", folder, "check", experiment)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"error: {experiment}: cannot be read ({name} lies outside of the sandbox {folder})\n"
+
+
+@pytest.mark.parametrize(("key", "name"), [("robot", "secret"), ("robot", "../secret"), ("marks", "../secret")])
+def test_nothing_of_a_file_outside_is_told_whatever_its_name(
+    key: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first words of a file outside stood in the error: robots without .toml, and all that check reads itself."""
+    (folder.parent / "secret").write_text("password = secret\n", encoding="utf-8")
+    experiment = write_experiment(folder, [("r01", 14.4, 33.3, circling_marks(6.0, seconds=0.1))])
+    lines = [line for line in experiment.read_text(encoding="utf-8").splitlines() if not line.startswith(key)]
+    lines.insert(lines.index("[[run]]") + (key == "marks"), f'{key} = "{name}"')
+    experiment.write_text("\n".join(lines), encoding="utf-8")
+    monkeypatch.chdir(folder.parent)  # where a robot named secret is beside no experiment
+    monkeypatch.setenv(SANDBOX, str(folder))
+    found = check_experiment(experiment).faults
+    assert found
+    assert not any("password" in fault or "TOML" in fault for fault in found)
+    if "/" in name:
+        assert found == (f"{experiment}: cannot be read ({name} lies outside of the sandbox {folder})",)
 
 
 def test_files_inside_are_read_as_without_a_sandbox(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
