@@ -71,8 +71,12 @@ def read_table(path: Path) -> pd.DataFrame:
 
     with path.open(encoding="utf-8", errors="replace") as lines:
         first = lines.readline(4096)
-    if "\0" in first:  # every second byte of English text in UTF-16
+    if first.startswith("PK\x03\x04"):
+        raise SimulationError(f"{path}: is a workbook or another archive, and no table in text; save the sheet as CSV")
+    if 3 * first.count("\0") > len(first):  # every second byte of English text in UTF-16
         raise SimulationError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
+    if "\0" in first:
+        raise SimulationError(f"{path}: is no text but a binary file; give a table as CSV")
     said = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', first, re.IGNORECASE)  # tells spreadsheets the separator
     sep = said[1] if said else max(",;\t", key=first.count)
     decimal, before = "." if sep == "," else ",", 1 if said else 0

@@ -84,8 +84,12 @@ def _dialect(path: Path) -> Dialect:
     """The dialect of a table by its first line: semicolons and tabs come with decimal commas."""
     with path.open(encoding="utf-8", errors="replace") as lines:
         first = lines.readline(4096)
-    if "\0" in first:  # every second byte of English text in UTF-16
+    if first.startswith("PK\x03\x04"):
+        raise InputError(f"{path}: is a workbook or another archive, and no table in text; save the sheet as CSV")
+    if 3 * first.count("\0") > len(first):  # every second byte of English text in UTF-16
         raise InputError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
+    if "\0" in first:
+        raise InputError(f"{path}: is no text but a binary file; give a table as CSV")
     said = separator_line(first)
     sep = said or max(",;\t", key=first.count)
     return {"sep": sep, "decimal": "." if sep == "," else ",", "skiprows": 0 if said is None else 1}

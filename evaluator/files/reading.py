@@ -116,12 +116,33 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
         names = model.split(" | ")
         model = getattr(load, "__globals__", {}).get(error.title if error.title in names else names[0])
     items = error.errors()
+    if other := _of_another_kind(items, error.title):
+        return other
     reported = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
     faults = [
         _fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_FAULTS]
     ]
     rest = [f"{len(reported) - MOST_FAULTS} more faults"] if len(reported) > MOST_FAULTS else []
     return "; ".join([*faults, *rest])
+
+
+# Keys that tell a kind of settings file, and what the models of that kind have in their names.
+KEYS_OF_FILES = {
+    "a robot file": ("Robot", {"body", "wheels", "wheel", "magnetic_attraction", "slip", "marks"}),
+    "an experiment file": ("Experiment", {"robot", "run", "known_to", "relevant"}),
+    "a gauge file": ("Gauge", {"dots", "fiducial"}),
+}
+
+
+def _of_another_kind(items: Sequence[Mapping[str, Any]], title: str) -> str:
+    """That a file is of another kind than the one asked for, by two keys or more; empty if none is told by them."""
+    unknown = [item["loc"][0] for item in items if item["type"] == "extra_forbidden" and len(item["loc"]) == 1]
+    asked = next((kind for kind, (name, _) in KEYS_OF_FILES.items() if name in title), "another file")
+    for kind, (_, keys) in KEYS_OF_FILES.items():
+        shown = [key for key in unknown if key in keys]
+        if kind != asked and len(shown) > 1:
+            return f"is {kind}, by its keys {', '.join(shown)}; give {asked}"
+    return ""
 
 
 def _cut(text: str) -> str:

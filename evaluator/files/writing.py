@@ -72,10 +72,8 @@ def _unwritable(path: Path, error: OSError) -> UnwritableError:
     reason = str(error.strerror).lower()
     # Windows refuses to replace a file that another program, a spreadsheet as a rule, has open.
     is_open = sys.platform == "win32" and error.errno == errno.EACCES
-    remedy = "close it in other programs" if is_open else "free space"
-    return UnwritableError(
-        f"{path}: cannot be written ({reason}); {remedy} or write elsewhere, and run the command again"
-    )
+    remedy = "close it in other programs or " * is_open + "free space or " * (error.errno in NO_ROOM)
+    return UnwritableError(f"{path}: cannot be written ({reason}); {remedy}write elsewhere, and run the command again")
 
 
 def write_text(path: Path, text: str) -> None:

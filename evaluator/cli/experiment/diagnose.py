@@ -206,5 +206,6 @@ def _left_out(content: dict[str, Any]) -> int:
     """Print which runs a diagnosis left out, and why; return the exit status."""
     skipped = content.get("skipped_runs") or {}
     for run, reason in skipped.items():
-        click.echo(f"{run} is left out: {reason}", err=True)
+        if f"({run}: {reason})" not in content["reason"]:  # once is enough
+            click.echo(f"{run} is left out: {reason}", err=True)
     return SOME_FAILED if skipped else 0

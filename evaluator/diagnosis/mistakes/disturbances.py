@@ -87,9 +87,10 @@ def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]
         if unit is None and ratio > PX_RATIO:
             unit = "px"
         if unit is not None:
-            remedy = f"they seem to be in {unit}: " + (
-                "place them with a camera" if unit == "px" else "convert them to mm"
-            )
+            seem, to_do = unit, "place them with a camera" if unit == "px" else "convert them to mm"
+            if unit == "px" and abs(ratio * UNITS["cm"] - 1) < UNIT_SHARE:  # so many px per mm are usual, too
+                seem, to_do = "px, or in mm in columns named _cm", f"{to_do}, or name the columns after their unit"
+            remedy = f"they seem to be in {seem}: {to_do}"
             factor = None if unit == "px" else 1 / UNITS[unit]
             correction = None if factor is None else Correction(marks_times=(factor, factor))
             found.append(Found(run.id, "wrong-unit", words, remedy, correction=correction))

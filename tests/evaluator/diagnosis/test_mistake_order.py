@@ -102,7 +102,7 @@ def test_on_open_ground_single_runs_are_believed_if_marks_show_the_mistake_and_n
 ) -> None:
     searches(monkeypatch, lambda name, ids: {"copies": ids[:1], search: ids[:wrong]}.get(name, []))
     monkeypatch.setattr(module, "standing_runs", lambda *_: set())
-    runs = [replace(driven(number), from_poses=from_poses) for number in range(10)]
+    runs = [replace(driven(number), from_poses=from_poses or number == 9) for number in range(10)]
     found = module.recognise(runs, [HUSKY] * 10)
     assert [item.kind for item in found] == ["duplicate", *[SEARCHES[search]] * told]
 
@@ -116,8 +116,11 @@ def test_on_open_ground_a_run_is_read_wrongly_if_it_disagrees_much_more_than_all
     monkeypatch.setattr(module, "standing_runs", lambda *_: set())
     reversed_ = [Found("r3", "reversed", "", "")]
     monkeypatch.setattr(module, "misread", lambda *_: Misread(reversed_, far=frozenset(far)))
-    found = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)
+    runs = [replace(driven(number), from_poses=number == 9) for number in range(10)]
+    found = module.recognise(runs, [HUSKY] * 10)
     assert [item.runs for item in found] == [("r3",)] * told
+    (believed,) = module.recognise([driven(number) for number in range(10)], [HUSKY] * 10)  # on a laboratory's floor
+    assert believed.runs == ("r3",)
 
 
 def test_that_most_of_hundreds_of_runs_are_not_read_wrongly_but_disagree_is_told_of_no_run(

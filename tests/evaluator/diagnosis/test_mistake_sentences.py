@@ -211,7 +211,7 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     named = outlying_run(run, others, ROBOT)
     assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
     assert named.sentence.endswith("runs determine: it moves so; mirror it")
-    ground = outlying_run(run, others, load_robot(HUSKY))
+    ground = outlying_run(replace(run, from_poses=True), others, load_robot(HUSKY))
     assert (ground.kind, ground.equivalent_kinds) == ("outlying", ())
     assert ground.sentence.endswith("runs determine; inspect the recording, or repeat the run")
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.inference import search as search_module
 from evaluator.diagnosis.inference import strategy
 from evaluator.diagnosis.inference.fit_cache import question_of
 from evaluator.diagnosis.inference.screening import Screen, _wants_whole_change
@@ -18,16 +17,10 @@ from evaluator.diagnosis.inference.search import Search, fit_set
 from evaluator.diagnosis.inference.short_horizon import is_large, within
 from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.point import Column, Point
-from simulator.effects.coordinates import Candidate, Coordinate
+from simulator.effects.coordinates import Coordinate
+from tests.evaluator.diagnosis.searches import LINE, NONE, candidate, of, searching
 
-NONE, A = frozenset[str](), frozenset({"a"})
-
-
-def candidate(name: str, *coordinates: Coordinate) -> Candidate:
-    return Candidate(name, coordinates, lambda values: dict(zip("xyz", values, strict=False)))
-
-
-LINE = candidate("line", Coordinate("size", 0.0, 1.0))
+A = frozenset({"a"})
 
 
 @pytest.mark.parametrize(
@@ -85,19 +78,6 @@ def test_a_screened_candidate_pays_for_its_numbers_that_do_not_vary_yet_and_begi
 @pytest.mark.parametrize(("share", "wanted"), [(0.49, False), (0.51, True), (1.49, True), (1.51, False)])
 def test_a_change_as_a_whole_is_offered_where_about_all_of_it_is_wanted(share: float, wanted: bool) -> None:
     assert _wants_whole_change(seen([], lambda _: 0.0, [0.2, share]).beyond, (0,)) == wanted
-
-
-def searching(**more: Any) -> Search:
-    runs: Any = SimpleNamespace(horizon_s=np.inf, watch=SimpleNamespace(so_far=""), open_ground=False)
-    return Search(runs, {"a": LINE, "b": LINE}, {}, (0, 1), **more)
-
-
-def of(evidence: float, *, excess: float = 1.0, converged: bool = True, shortfall: float = 0.0) -> Any:
-    found = SimpleNamespace(posterior=SimpleNamespace(log_evidence=evidence), excess=excess, converged=converged)
-    found.steps, found.overreaches, found.terms, found.shortfall = 3, False, NONE, shortfall
-    found.point = Point(np.ones((2, 7)), {"key": 1.0})
-    found.counting = lambda parameters: of(evidence - parameters) if parameters else found
-    return found
 
 
 @pytest.mark.parametrize(
@@ -367,28 +347,3 @@ def test_progress_is_a_share_and_is_repeated_at_every_look() -> None:
     watch("fit", 3, 4)
     watch.look()
     assert told == [("fit", 0.75)] * 2
-
-
-@pytest.mark.parametrize(
-    ("first", "usual", "kept"),
-    [
-        (of(5.0, shortfall=61.0), of(9.0), 9.0),
-        (of(5.0, shortfall=61.0), of(4.0), 5.0),
-        (of(5.0, shortfall=61.0), of(9.0, converged=False), 5.0),
-        (of(5.0, shortfall=61.0), None, 5.0),
-        (of(5.0, shortfall=59.0), of(9.0), 5.0),  # near enough: not tried again
-        (of(5.0, converged=False), of(4.0), 4.0),
-    ],
-)
-def test_a_fit_far_from_what_it_promises_is_tried_again_from_the_usual_scatter(
-    first: Any, usual: Any, kept: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fit_from(_: Any, __: Any, ___: Any, ____: Any, most_scatter: Any = None, rival: float = -np.inf) -> Any:
-        assert rival == -np.inf
-        return usual if most_scatter or tried else tried.append(1) or first
-
-    tried: list[int] = []
-    monkeypatch.setattr(search_module, "_fit_from", fit_from)
-    found = fit_set(searching(fits={NONE: of(0.0)}), A, {}, of(0.0))
-    assert found is not None
-    assert found.posterior.log_evidence == kept
