@@ -33,6 +33,8 @@ MISFIT = 3.0
 TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance best; TILT_DEG of next_image is its middle
 # What to do if the images do not determine the camera, the gauge is stretched, or the height correction is uncertain.
 ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
+SIZE_STEP = "measure pitch and dot diameter of the plate and correct gauge.toml"
+PITCH_STEP = "measure the pitch over many dots, and the distance to the middle of the lens again"
 STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
 DISTURBED = 5  # dots of an image that were left out, and half of all, from which it may be the one that contradicts
 FOCAL_STEP = (
@@ -81,9 +83,10 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     elif printed := _stretched(calibration):
         (reasons if abs(calibration.excess) / 2 > calibration.stated.scale_sigma else notes).append(printed)
         steps.append(STRETCHED_STEP)
-    if wrong := _wrong_size(calibration):
-        reasons += wrong
-        steps.append("measure pitch and dot diameter of the plate and correct gauge.toml")
+    for wrong, step in ((_wrong_size(calibration), SIZE_STEP), (_against_distance(calibration), PITCH_STEP)):
+        if wrong:
+            reasons += wrong
+            steps.append(step)
     unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
     exact = camera.with_exact_pitch()  # an error of the pitch acts equally at every height
     if covered < MODEST_COVERAGE:
@@ -123,6 +126,25 @@ def _out_of_view(calibration: Calibration, height_mm: float) -> str:
         f"found, {camera_height(calibration.camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the mark "
         "height and the gauge file right? Add images with the gauge tilted"
     )
+
+
+def _against_distance(calibration: Calibration) -> list[str]:
+    """That the measured distance of the lens contradicts the one by the images; empty if it does not, or without one.
+
+    Lengths by the images are proportional to the pitch of the gauge, which no image can check, but this distance can.
+    """
+    if calibration.distance_mm is None:
+        return []
+    measured, sigma = calibration.distance_mm
+    found = float(camera_height(calibration.camera.pose)[0])
+    sigmas = abs(measured - found) / np.hypot(sigma, calibration.gauge.scale_sigma * found)
+    if sigmas < IMPLAUSIBLE:
+        return []
+    pitch = float(np.mean(calibration.stated.pitch_mm))
+    return [
+        f"the lens is {measured:g} mm away as measured and {found:.4g} mm by the images, {sigmas:.1f} standard "
+        f"deviations apart, as if the pitch were {pitch * measured / found:.4g} mm and not {pitch:g}"
+    ]
 
 
 def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:

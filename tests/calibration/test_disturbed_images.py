@@ -190,6 +190,22 @@ def test_measured_distance_makes_one_image_enough() -> None:
     assert "height correction" not in assess(measured).summary
 
 
+@pytest.mark.parametrize(("times", "told"), [(1.0, False), (0.98, True)])
+def test_a_measured_distance_that_contradicts_the_images_tells_of_the_pitch(times: float, *, told: bool) -> None:
+    """With a pitch of 2.50 mm for 2.55 all lengths were 2 % too short, "sound", 6 sigmas from the measured distance."""
+    rng = np.random.default_rng(4)
+    views = [CAMERA, *random_poses(CAMERA, 4, rng, tilt_deg=30, shift_mm=2)]
+    images = [draw_gauge(view, GAUGE, rng=rng, snr=60) for view in views]
+    pitch = float(np.mean(GAUGE.pitch_mm))
+    dots = GAUGE.dots.model_copy(update={"pitch_mm": pitch * times})
+    found = assess(calibrate(images, GAUGE.model_copy(update={"dots": dots}), distance_mm=(120.0, 0.3)))
+    assert ("as if the pitch were" in found.summary) == told
+    assert (found.level == "limited") >= told
+    if told:
+        assert f"as if the pitch were {pitch:.4g}"[:24] in found.summary
+        assert any("measure the pitch over many dots" in step for step in found.next_steps)
+
+
 def test_colour_fiducials_in_a_grey_image_are_named_as_the_cause() -> None:
     fiducials = ({"column": 6, "row": 4, "color": "red"}, {"column": 9, "row": 4, "color": "blue"})
     with pytest.raises(CalibrationError, match="differ by their color, which a grey image does not show"):
