@@ -33,6 +33,7 @@ MISFIT = 3.0
 TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance best; TILT_DEG of next_image is its middle
 # What to do if the images do not determine the camera, the gauge is stretched, or the height correction is uncertain.
 ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
+MISFIT_STEP = "use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]"
 SIZE_STEP = "measure pitch and dot diameter of the plate and correct gauge.toml"
 PITCH_STEP = "measure the pitch over many dots, and the distance to the middle of the lens again"
 STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
@@ -74,19 +75,17 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if ill:
         reasons += why
         steps.append(ILL_STEP)
-    if misfit := _misfit(calibration):
-        reasons += misfit
-        steps.append("use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]")
+    of_size = (_wrong_size(calibration), SIZE_STEP), (_against_distance(calibration), PITCH_STEP)
+    for wrong, step in ((_misfit(calibration), MISFIT_STEP), *of_size):
+        if wrong:
+            reasons += wrong
+            steps.append(step)
     if changed := _focal_lengths(calibration):
         reasons.append(changed)
         steps.append(FOCAL_STEP)
     elif printed := _stretched(calibration):
         (reasons if abs(calibration.excess) / 2 > calibration.stated.scale_sigma else notes).append(printed)
         steps.append(STRETCHED_STEP)
-    for wrong, step in ((_wrong_size(calibration), SIZE_STEP), (_against_distance(calibration), PITCH_STEP)):
-        if wrong:
-            reasons += wrong
-            steps.append(step)
     unchecked = len(calibration.views) == 1 and calibration.distance_mm is None
     exact = camera.with_exact_pitch()  # an error of the pitch acts equally at every height
     if covered < MODEST_COVERAGE:
@@ -141,10 +140,9 @@ def _against_distance(calibration: Calibration) -> list[str]:
     if sigmas < IMPLAUSIBLE:
         return []
     pitch = float(np.mean(calibration.stated.pitch_mm))
-    return [
-        f"the lens is {measured:g} mm away as measured and {found:.4g} mm by the images, {sigmas:.1f} standard "
-        f"deviations apart, as if the pitch were {pitch * measured / found:.4g} mm and not {pitch:g}"
-    ]
+    as_if = f"as if the pitch were {pitch * measured / found:.4g} mm and not {pitch:g}"
+    places = f"the lens is {measured:g} mm away as measured and {found:.4g} mm by the images"
+    return [f"{places}, {sigmas:.1f} standard deviations apart, {as_if}"]
 
 
 def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:

@@ -227,12 +227,12 @@ def test_height_correction_is_open_where_lengths_at_the_marks_are_half_again_as_
         (0.05, 1, None, "relies on the perspective of a single image, without a check: turning radii at 44 mm are"),
         (0.2, 1, None, "a single image without tilt cannot determine the height correction: turning radii at 44"),
         (0.2, 5, None, "these images do not determine the height correction: turning radii at 44 mm are"),
-        (0.2, 1, 120.0, "a single image without tilt cannot determine"),
-        (0.05, 1, 120.0, None),
+        (0.2, 1, (120.0, 0.3), "a single image without tilt cannot determine"),
+        (0.05, 1, (120.0, 0.3), None),
     ],
 )
 def test_an_open_height_correction_is_told_with_its_cause(
-    sigma_mm: float, views: int, distance_mm: float | None, said: str | None
+    sigma_mm: float, views: int, distance_mm: tuple[float, float] | None, said: str | None
 ) -> None:
     found = calibration(known(translation_z_mm=sigma_mm), distance_mm=distance_mm)
     found.views = found.views[:views]
