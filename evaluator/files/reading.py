@@ -83,6 +83,9 @@ def toml_fault(error: tomllib.TOMLDecodeError, text: str) -> str:
     return f"{error}; numbers have a decimal point, not a comma" if comma else str(error)
 
 
+ENTRY = re.compile(r"\[\d+\]")  # number of an entry of a list
+UNITS = ("m", "cm", "kg", "N", "rad_s", "deg_s", "rad", "ms")  # of the same quantities as those of keys, but others
+MOST_READ = 1000  # faults of a file that are put into words
 MOST_FAULTS = 50  # told of a file: more than anybody mends at once
 MOST_SHOWN = 200  # characters of a value: more than a line of a file
 # Values of the wrong kind in words of the files; pydantic's are those of Python.
@@ -119,11 +122,27 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
     if other := _of_another_kind(items, error.title):
         return other
     reported = [item for item in items if item["type"] != "too_short" or not _inner_fault(item["loc"], items)]
-    faults = [
-        _fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_FAULTS]
-    ]
-    rest = [f"{len(reported) - MOST_FAULTS} more faults"] if len(reported) > MOST_FAULTS else []
-    return "; ".join([*faults, *rest])
+    faults = [_fault(item["loc"], item["type"], item["msg"], item.get("input"), model) for item in reported[:MOST_READ]]
+    told = _once(faults)
+    more = len(reported) - len(faults) + max(len(told) - MOST_FAULTS, 0)
+    return "; ".join([*told[:MOST_FAULTS], *([f"{more} more faults"] if more else [])])
+
+
+def _once(faults: Sequence[str]) -> list[str]:
+    """Faults of which those that several entries of a list have are told of the first, with the others' numbers."""
+    kinds: dict[str, list[str]] = {}
+    for fault in faults:
+        kinds.setdefault(ENTRY.sub("[]", fault, count=1), []).append(fault)
+    told = []
+    for same in kinds.values():
+        told += [f"{same[0]} ({len(same) - 1} other entries alike)"] if len(same) > 2 else same
+    return told
+
+
+def _unit_of(key: str, meant: str) -> str:
+    """The unit of a key, as a sentence, where the key that was meant ends in another one; else empty."""
+    stem, _, unit = key.rpartition("_")
+    return f" It is in {unit}" if stem and meant.removeprefix(f"{stem}_") in UNITS else ""
 
 
 # Keys that tell a kind of settings file, and what the models of that kind have in their names.
@@ -161,7 +180,9 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
     dotted = _cut("".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip("."))
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(str(place[-1]), _keys_of(models), n=1, cutoff=0.5)
-        return f"unknown key {dotted}" + (f"; did you mean {near[0]}?" if near else "")
+        return f"unknown key {dotted}" + (
+            f"; did you mean {near[0]}?{_unit_of(near[0], str(place[-1]))}" if near else ""
+        )
     if kind == "missing":
         return f"{dotted} is missing"
     text = _cut(in_words(kind, message))

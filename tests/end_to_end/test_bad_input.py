@@ -22,7 +22,7 @@ def edited(folder: Path, old: str, new: str) -> Path:
 
 TOML_FAULTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "misspelt key": ("left_rpm", "left_rmp", ("run[1].left_rmp", "did you mean left_rpm?")),
-    "wrong unit": ("left_rpm = 14.4", "left_rad_s = 1.5", ("run[1].left_rad_s", "did you mean left_rpm?")),
+    "wrong unit": ("left_rpm = 14.4", "left_rad_s = 1.5", ("run[1].left_rad_s", "did you mean left_rpm? It is in rpm")),
     "unit in the value": ("left_rpm = 14.4", 'left_rpm = "14.4 rpm"', ("run[1].left_rpm", "14.4 rpm", "number")),
     "misspelt robot": ('"barrel"', '"barel"', ("barel", "did you mean barrel?")),
     "missing robot file": ('"barrel"', '"mine.toml"', ("mine.toml", "no such file")),

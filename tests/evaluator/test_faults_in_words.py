@@ -77,11 +77,56 @@ def test_a_name_of_any_length_that_no_effect_has_is_cut(tmp_path: Path) -> None:
     assert len(str(error.value)) < 1000
 
 
-def test_of_hundreds_of_faults_the_first_are_told_and_how_many_there_are_more() -> None:
+def said_of(model: type[BaseModel], content: dict[str, object], load: Callable[[Path], object]) -> list[str]:
     with pytest.raises(ValidationError) as error:
-        Whole.model_validate({"places": ["x"] * 600})
-    said = explain(error.value, load).split("; ")
-    assert (len(said), said[-2:]) == (51, ["places[50] = 'x': should be a number", "550 more faults"])
+        model.model_validate(content)
+    return explain(error.value, load).split("; ")
+
+
+def test_of_hundreds_of_faults_the_first_are_told_and_how_many_there_are_more() -> None:
+    said = said_of(Whole, {f"k{number}": 1 for number in range(600)}, load)
+    told = [item for item in said if item.startswith("unknown key")]
+    assert (len(told), said[-1]) == (50, "550 more faults")
+
+
+@pytest.mark.parametrize(("count", "said"), [(2, 2), (3, 1), (900, 1), (1100, 2)])
+def test_a_fault_of_many_entries_is_told_of_the_first(count: int, said: int) -> None:
+    """An experiment of 20 runs with a wrong key had an error of 3000 characters."""
+    found = said_of(Whole, {"places": ["x"] * count}, load)
+    assert len(found) == said
+    alike = f" ({min(count, 1000) - 1} other entries alike)" if count > 2 else ""
+    assert found[0] == f"places[1] = 'x': should be a number{alike}"
+    assert found[-1] == "100 more faults" or count < 1000
+
+
+class Experiment(BaseModel, extra="forbid"):
+    """What is asked for where a file of another kind is given."""
+
+    robot: str
+    left_rpm: float = 0.0
+    name: str = ""
+
+
+def load_experiment(path: Path) -> Experiment: ...
+
+
+@pytest.mark.parametrize(
+    ("keys", "kind"),
+    [
+        (("body", "slip", "name"), "is a robot file, by its keys body, slip; give an experiment file"),
+        (("dots", "fiducial"), "is a gauge file, by its keys dots, fiducial; give an experiment file"),
+        (("body", "robot"), "unknown key body"),
+    ],
+)
+def test_a_file_of_another_kind_is_told_as_such(keys: tuple[str, ...], kind: str) -> None:
+    """By two of its keys; one may be a mistake within the right file."""
+    assert "; ".join(said_of(Experiment, dict.fromkeys(keys, ""), load_experiment)) == kind
+
+
+def test_a_key_in_another_unit_is_offered_with_its_own() -> None:
+    """Renamed alone, its value is that of another speed."""
+    for key, said in (("left_rad_s", "left_rpm? It is in rpm"), ("left_rmp", "left_rpm?")):
+        assert said_of(Experiment, {"robot": "", key: 1.0}, load_experiment)[-1] == f"did you mean {said}"
 
 
 def test_a_name_that_no_file_can_have_is_shown_as_it_was_written() -> None:

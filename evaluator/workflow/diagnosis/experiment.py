@@ -207,8 +207,9 @@ def _session(
     session = session_of(experiment, marks, cameras)
     skipped = {**session.skipped, **faults}
     if not session.data and not session.mistakes:
-        reasons = "; ".join(f"{run}: {reason}" for run, reason in list(skipped.items())[:REASONS_SHOWN])
-        raise InputError(f"{path}: no run has marks that can be used ({reasons})")
+        why = {**skipped, **session.left_out}
+        reasons = "; ".join(f"{run}: {reason}" for run, reason in list(why.items())[:REASONS_SHOWN])
+        raise InputError(f"{path}: no run can be used ({reasons})")
     return replace(session, skipped=skipped)
 
 

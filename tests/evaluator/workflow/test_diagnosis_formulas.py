@@ -104,8 +104,8 @@ def test_marks_are_read_where_they_are_and_the_others_tracked(
     assert given[0][0] == {"a": tmp_path / "a.csv", "b": outputs.marks("b")}
     assert set(given[0][1]) == {"a", "b"}
     assert found.skipped == {"d": "short", "c": "dark"}
-    read.data = ()
-    with pytest.raises(InputError, match=r"no run has marks that can be used \(d: short; c: dark\)"):
+    read.data, read.left_out = (), {"e": "of another clock"}
+    with pytest.raises(InputError, match=r"no run can be used \(d: short; c: dark; e: of another clock\)"):
         experiment._session(tmp_path / "day.toml", day, outputs, lambda *_: None, 1, None)
     read.mistakes = ("one",)  # they are the answer
     experiment._session(tmp_path / "day.toml", day, outputs, lambda *_: None, 1, None)
