@@ -29,6 +29,7 @@ TOO_LITTLE = "turns < 1°"  # in place of a radius: turning.status.LEAST_TURN_DE
 # A number, with its sign, that is not part of the name of a file or run.
 WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
 ANY_NUMBER = re.compile(r"\d+(?:\.\d+)?")  # in names of files, too
+MOST_ALIKE = 50  # runs or files named together, of an experiment that may have thousands
 FEW_ALIKE = 2  # sentences that differ in names and numbers only, and are printed each
 SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
@@ -50,8 +51,8 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
             progress=progress,
             command_line=sys.argv[1:],
         )
-    for line in without_repeats([f"{run}: {fault}" for run, fault in found.faults.items()]):
-        click.echo(line, err=True)
+    for run, fault in found.faults.items():
+        click.echo(f"{run}: {fault}", err=True)
     if found.changed:
         named = ", ".join(str(path) for path in found.changed[:MOST_NAMED])
         click.echo(
@@ -86,7 +87,8 @@ def without_repeats(sentences: Sequence[str]) -> list[str]:
             lines += [sentence for _, sentence in same]
             continue
         others = list(dict.fromkeys(Path(subject.removeprefix("run ")).name for subject, _ in same[1:]))
-        lines += [same[0][1], f"the same of {named_runs(others)}, with their own names and numbers"]
+        named = ", ".join(others[:MOST_ALIKE]) + ", …" * (len(others) > MOST_ALIKE)
+        lines += [same[0][1], f"the same of {named}, with their own names and numbers"]
     return lines
 
 

@@ -46,7 +46,7 @@ def _fitted(scene: Scene) -> Candidate:
     if not driven:
         weakness = Coordinate("weakness", 1.0, DRIVING.step, 1 / DRIVING.high, 1 / DRIVING.low)
         return Candidate("magnet-strength", (weakness,), lambda values: {"driving_factor": 1.0 / values[0]})
-    most, least = DRIVEN.high / DRIVING.high, 1 / (stated * (1 + driving * DRIVING.high))  # without driven magnets
+    least, most = ((1 + driven * factor) / (stated * (1 + driving * DRIVING.high)) for factor in (0.0, DRIVEN.high))
     level = Coordinate("log_level", 0.0, DRIVING.step, log(DRIVING.low), log(DRIVING.high), prior_sigma=LEVEL_SIGMA)
     balance = Coordinate("load_balance", 1.0, DRIVEN.step, least, most, closed=True)
     return Candidate("magnet-strength", (balance, level), physical, known=known)

@@ -24,8 +24,8 @@ from evaluator.cli.options import (
 if TYPE_CHECKING:
     from evaluator.workflow import DiagnosisResult
 
-STATUS_NOTE = """Exit status: 0, all runs were used; 1, some runs could not be used (reasons on standard error,
-diagnosis from the others); 2, the input cannot be used."""
+STATUS_NOTE = """Exit status: 0, all runs could be read (those with a mistake are named and set aside); 1, some could
+not (reasons on standard error, diagnosis from the others); 2, the input cannot be used."""
 
 
 @click.command(
