@@ -49,8 +49,8 @@ class Effect:
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
     varies_by_run: depends on the number of the run in the session.
     of_plate: depends on the robot's position or direction on the plate; only runs in a common frame can show it.
-    of_ground: sought only for robots on open ground; the few commands of runs on a plate cannot distinguish it from
-    other effects.
+    of_ground: sought only for robots too large for a plate; the few commands of runs on a plate cannot distinguish it
+    from other effects.
     fitted: gives the coordinates of a fit; default: the parameters themselves.
     sum_of: for an effect that is a sum of terms, each term with the name of the parameter that multiplies it.
     """

@@ -37,7 +37,7 @@ def _fitted(scene: Scene) -> Candidate:
     def physical(values: tuple[float, ...]) -> Parameters:
         share = values[0] * stated
         # the plate attracts driven wheels at least by nothing: their load is at least their weight
-        level = max(exp(values[1]), (1 / share - 1) / driving)
+        level = max(exp(values[1]), (1 / share - 1) / driving if driving else 0.0)
         return {"driving_factor": level, "driven_factor": max(share * (1 + driving * level) - 1, 0.0) / driven}
 
     def known(values: tuple[float, ...]) -> Parameters:

@@ -57,9 +57,14 @@ class Size:
     filmed: bool = False
 
     @property
+    def full(self) -> bool:
+        """Whether the robot is too large for a plate."""
+        return self.length > ON_PLATE
+
+    @property
     def on_ground(self) -> bool:
         """Whether the robot drives on open ground: it is too large for a plate, and no fixed camera sees its marks."""
-        return self.length > ON_PLATE and not self.filmed
+        return self.full and not self.filmed
 
     def of(self, unit: str) -> float:
         """Factor by which a quantity with this unit, a key of UNITS, is scaled for the robot."""

@@ -46,7 +46,7 @@ def attraction_of(robot: Robot) -> tuple[float, float]:
 
 def is_full_size(robot: Robot) -> bool:
     """Whether a robot is too large for a plate."""
-    return size_of(robot).on_ground
+    return size_of(robot).full
 
 
 def on_open_ground(robots: Iterable[Robot], data: Iterable[RunData]) -> bool:
@@ -77,12 +77,12 @@ def named_terms(
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
     omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
-    omitted. attraction, passed_rpm: see Scene. On a plate, effects of open ground are omitted.
+    omitted. attraction, passed_rpm: see Scene. Effects of large robots are omitted for small ones.
     """
     scene = Scene(reach_mm, command_levels_rpm, size, attraction, passed_rpm)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}
     left_out |= {id_ for id_ in scenes if EFFECTS[id_].varies_by_run and not commands_recur}
-    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not size.on_ground}
+    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not size.full}
     return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if id_ not in left_out}

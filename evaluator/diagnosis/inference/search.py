@@ -24,7 +24,7 @@ SIZE_PRIOR = (0.5, 0.35, 0.12, 0.03)
 # elsewhere: odds that decide about an effect (e⁸ to 1). On open ground every fit ends so: LAGGING.
 MATERIAL = 16.0
 FAR_BEYOND = 3.0  # tolerances from which a value is a finding (assessment.knowledge)
-FIRM = 0.1  # tolerances by which values far beyond them are led back, in their own
+FIRM = 0.1  # share of its tolerance to which a value far beyond it is led back
 LARGEST_SET = 3
 # On open ground. Encoders show that the drives of a Husky and a Warthog lag, limit speed and limit acceleration; the
 # gains of the Husky also differ from the stated ones.

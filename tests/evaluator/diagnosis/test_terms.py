@@ -73,6 +73,13 @@ def test_magnets_of_driven_wheels_have_a_strength_where_there_are_any(robot: str
     assert named_terms(20.0, (30.0,), attraction=found)["magnet-strength"].size == 1 + attracted
 
 
+def test_magnets_of_driven_wheels_alone_have_a_balance() -> None:
+    strength = named_terms(20.0, (30.0,), attraction=(0.0, 2.0))["magnet-strength"]
+    for balance, level in ((1.0, 0.0), (0.5, -1.0)):
+        found = strength.physical((balance, level))
+        assert found == pytest.approx({"driving_factor": math.exp(level), "driven_factor": (3 * balance - 1) / 2})
+
+
 def test_attraction_is_over_the_weight_on_a_wheel() -> None:
     assert attraction_of(load_robot("barrel")) == pytest.approx((22.05 / 1.225, 2.45 / 1.225), rel=2e-3)
 
