@@ -75,7 +75,7 @@ def _verdict(view: DiagnosisView) -> Section:
         for best, low, high in [sizes(name, effect["parameters"][name], effect["id"])]
     ]
     head = ("effect", "parameter", "unit", "value", "95 %")
-    table = Table("Effects found, with 95 % intervals.", head, tuple(rows))
+    table = Table("Effects found, with 95 % intervals.", head, tuple(rows), words=True)
     tables = (table,) if rows else ()
     return Section("diagnosis", "What the model lacks", _full(text), (), (*tables, *_next_runs(content)))
 
