@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.assessment.distance import PITCH_STEP, against_distance
 from calibration.assessment.verdict import Level, Verdict
 from calibration.camera import CHORD, Camera, camera_height
 from calibration.errors import CalibrationError
@@ -35,7 +36,6 @@ TILTED = "tilted by 20 to 40 degrees"  # separates focal length and distance bes
 ILL_STEP = f"take five or more images with the gauge {TILTED} in different directions, near enough to fill the image"
 MISFIT_STEP = "use a flat, rigid gauge, check pitch and layout in gauge.toml, and state its [tolerance]"
 SIZE_STEP = "measure pitch and dot diameter of the plate and correct gauge.toml"
-PITCH_STEP = "measure the pitch over many dots, and the distance to the middle of the lens again"
 STRETCHED_STEP = "measure the pitch of the gauge along both directions and write pitch_mm = [along columns, along rows]"
 DISTURBED = 5  # dots of an image that were left out, and half of all, from which it may be the one that contradicts
 FOCAL_STEP = (
@@ -75,7 +75,7 @@ def assess(calibration: Calibration, mark_height_mm: float = MARK_HEIGHT_MM) -> 
     if ill:
         reasons += why
         steps.append(ILL_STEP)
-    of_size = (_wrong_size(calibration), SIZE_STEP), (_against_distance(calibration), PITCH_STEP)
+    of_size = (_wrong_size(calibration), SIZE_STEP), (against_distance(calibration), PITCH_STEP)
     for wrong, step in ((_misfit(calibration), MISFIT_STEP), *of_size):
         if wrong:
             reasons += wrong
@@ -125,24 +125,6 @@ def _out_of_view(calibration: Calibration, height_mm: float) -> str:
         f"found, {camera_height(calibration.camera.pose)[0]:.3g} mm above it; is the gauge bent, and are the mark "
         "height and the gauge file right? Add images with the gauge tilted"
     )
-
-
-def _against_distance(calibration: Calibration) -> list[str]:
-    """That the measured distance of the lens contradicts the one by the images; empty if it does not, or without one.
-
-    Lengths by the images are proportional to the pitch of the gauge, which no image can check, but this distance can.
-    """
-    if calibration.distance_mm is None:
-        return []
-    measured, sigma = calibration.distance_mm
-    found = float(camera_height(calibration.camera.pose)[0])
-    sigmas = abs(measured - found) / np.hypot(sigma, calibration.gauge.scale_sigma * found)
-    if sigmas < IMPLAUSIBLE:
-        return []
-    pitch = float(np.mean(calibration.stated.pitch_mm))
-    as_if = f"as if the pitch were {pitch * measured / found:.4g} mm and not {pitch:g}"
-    places = f"the lens is {measured:g} mm away as measured and {found:.4g} mm by the images"
-    return [f"{places}, {sigmas:.1f} standard deviations apart, {as_if}"]
 
 
 def _pitch_share(gauge: Gauge, exact: Camera, height_mm: float) -> str:

@@ -7,7 +7,6 @@ import math
 import re
 import sys
 from collections.abc import Collection, Hashable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -28,9 +27,6 @@ DASH = "–"
 TOO_LITTLE = "turns < 1°"  # in place of a radius: turning.status.LEAST_TURN_DEG
 # A number, with its sign, that is not part of the name of a file or run.
 WHOLE_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\.?\w)")
-ANY_NUMBER = re.compile(r"\d+(?:\.\d+)?")  # in names of files, too
-MOST_ALIKE = 50  # runs or files named together, of an experiment that may have thousands
-FEW_ALIKE = 2  # sentences that differ in names and numbers only, and are printed each
 SOME_FAILED = 1  # exit status: results for some runs, reasons for the others
 
 STATUS_NOTE = """Exit status: 0, all runs were analysed; 1, some runs could not be analysed (reasons on standard error,
@@ -68,28 +64,6 @@ def run_analysis(options: BatchOptions, *, simulate: bool, notes: bool = True) -
 def named_runs(runs: Sequence[str]) -> str:
     """The first of some runs, and how many there are."""
     return ", ".join(runs[:MOST_NAMED]) + (f", … ({len(runs)} runs)" if len(runs) > MOST_NAMED else "")
-
-
-def without_repeats(sentences: Sequence[str]) -> list[str]:
-    """Sentences 'run or file: fault', of which those that differ in names and numbers only are told once.
-
-    Two are printed as they are; of more, the first, and of which runs or files the others are.
-    """
-    kinds: dict[str, list[tuple[str, str]]] = {}
-    for sentence in sentences:
-        subject, colon, fault = sentence.partition(": ")
-        name = Path(subject.removeprefix("run ")).stem
-        kind = re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "#", fault) if colon else sentence
-        kinds.setdefault(ANY_NUMBER.sub("#", kind), []).append((subject, sentence))
-    lines = []
-    for same in kinds.values():
-        if len(same) <= FEW_ALIKE:
-            lines += [sentence for _, sentence in same]
-            continue
-        others = list(dict.fromkeys(Path(subject.removeprefix("run ")).name for subject, _ in same[1:]))
-        named = ", ".join(others[:MOST_ALIKE]) + ", …" * (len(others) > MOST_ALIKE)
-        lines += [same[0][1], f"the same of {named}, with their own names and numbers"]
-    return lines
 
 
 def reasons_of_dashes(rows: Sequence[Mapping[Hashable, Any]], unit: LengthUnit) -> list[str]:

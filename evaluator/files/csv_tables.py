@@ -74,6 +74,10 @@ def line_of(table: pd.DataFrame, row: int) -> int:
     return int(table.index[row]) + 2 + int(table.attrs.get("lines_before", 0))
 
 
+ZIPPED = "PK\x03\x04"  # begin of an archive
+NO_TEXT = "is a workbook or another archive, and no table in text; save the sheet as CSV"
+
+
 def separator_line(line: str) -> str | None:
     """The separator that a first line "sep=;" tells spreadsheets; None for any other line."""
     found = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', line, re.IGNORECASE)
@@ -84,8 +88,8 @@ def _dialect(path: Path) -> Dialect:
     """The dialect of a table by its first line: semicolons and tabs come with decimal commas."""
     with path.open(encoding="utf-8", errors="replace") as lines:
         first = lines.readline(4096)
-    if first.startswith("PK\x03\x04"):
-        raise InputError(f"{path}: is a workbook or another archive, and no table in text; save the sheet as CSV")
+    if first.startswith(ZIPPED):
+        raise InputError(f"{path}: {NO_TEXT}")
     if 3 * first.count("\0") > len(first):  # every second byte of English text in UTF-16
         raise InputError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
     if "\0" in first:

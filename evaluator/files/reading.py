@@ -129,7 +129,7 @@ def explain(error: ValidationError, load: Callable[[Path], object]) -> str:
 
 
 def _once(faults: Sequence[str]) -> list[str]:
-    """Faults of which those that several entries of a list have are told of the first, with the others' numbers."""
+    """Faults of which those that many entries of a list have are told of the first, with the number of others."""
     kinds: dict[str, list[str]] = {}
     for fault in faults:
         kinds.setdefault(ENTRY.sub("[]", fault, count=1), []).append(fault)

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.files.csv_tables import NO_TEXT, ZIPPED
 
 Array = NDArray[np.float64]
 LARGEST_BYTES = 500_000_000  # of XML: days of manual marks; limits the size of an unpacked zip
-ZIPPED = (".trz", ".trk", ".zip")  # names of zipped projects
+PROJECTS = (".trz", ".trk", ".zip")  # names of zipped projects
 TO_DO = "save the project in Tracker again, or export its tables as text"
 
 
@@ -28,9 +29,9 @@ class Project:
         """Read a .trk or .trz. Raises InputError for a file that is neither."""
         self.path = path
         with path.open("rb") as file:
-            is_zip = file.read(4) == b"PK\x03\x04"
-        if is_zip and path.suffix.lower() not in ZIPPED:
-            raise InputError(f"{path}: is a workbook or another archive, and no table in text; save the sheet as CSV")
+            is_zip = file.read(len(ZIPPED)) == ZIPPED.encode()
+        if is_zip and path.suffix.lower() not in PROJECTS:
+            raise InputError(f"{path}: {NO_TEXT}")
         content = _xml(path)
         try:
             self._root = _root(content)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from evaluator.cli.analysis import named_runs, without_repeats
+from evaluator.cli.analysis import named_runs
 from evaluator.cli.guard import BAD_INPUT
 from evaluator.cli.options import experiment_argument, json_option, quiet_option, say_mended, write_mended_option
 from evaluator.wording import counted
+
+ANY_NUMBER = re.compile(r"\d+(?:\.\d+)?")  # in names of files, too
+MOST_ALIKE = 50  # runs or files named together, of an experiment that may have thousands
+FEW_ALIKE = 2  # sentences that differ in names and numbers only, and are printed each
 
 
 @click.command(epilog="\b\nExamples:\n  turnscope check experiment.toml\n  turnscope check experiment.toml --json")
@@ -49,3 +55,25 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
             click.echo("the motion in videos is not checked here, but by turnscope diagnose --write-mended", err=True)
         say_mended(experiment)
     return BAD_INPUT if found.faults or found.mistakes else 0
+
+
+def without_repeats(sentences: Sequence[str]) -> list[str]:
+    """Sentences 'run or file: fault', of which those that differ in names and numbers only are told once.
+
+    Two are printed as they are; of more, the first, and of which runs or files the others are.
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for sentence in sentences:
+        subject, colon, fault = sentence.partition(": ")
+        name = Path(subject.removeprefix("run ")).stem
+        kind = re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "#", fault) if colon else sentence
+        kinds.setdefault(ANY_NUMBER.sub("#", kind), []).append((subject, sentence))
+    lines = []
+    for same in kinds.values():
+        if len(same) <= FEW_ALIKE:
+            lines += [sentence for _, sentence in same]
+            continue
+        others = list(dict.fromkeys(Path(subject.removeprefix("run ")).name for subject, _ in same[1:]))
+        named = ", ".join(others[:MOST_ALIKE]) + ", …" * (len(others) > MOST_ALIKE)
+        lines += [same[0][1], f"the same of {named}, with their own names and numbers"]
+    return lines

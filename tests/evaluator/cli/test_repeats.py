@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from evaluator.cli.analysis import without_repeats
+from evaluator.cli.first_steps.check import without_repeats
 
 
 @pytest.mark.parametrize(
