@@ -12,6 +12,7 @@ MM_PER = {
     "m": 1000.0,
     "inch": 25.4,
 }  # of other programs and people
+NOTHING_MISSING = "the model explains the data within noise and tolerances"  # the reason of a verdict "none"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

@@ -12,8 +12,8 @@ import pandas as pd
 from evaluator.report.diagnosis.gap import gap_sentence
 from evaluator.report.diagnosis.words import (
     as_sentence,
-    in_words,
     moved_marks_sentence,
+    reason_sentence,
     verdict_sentence,
 )
 from evaluator.report.numbers import number, significant
@@ -44,10 +44,11 @@ def summary(
     sentences = [_tightest(turning)] if turning else ["No run turns, so there is no turning radius."]
     explained = diagnosis is not None and diagnosis.get("verdict") == "none"
     sentences += [_directions(directions), _agreement(turning, explained=explained), _speed(runs)]
+    doubts = [_only_mark(runs), _scale(runs)]
     if diagnosis is not None:
-        sentences.append(diagnosis_sentence(diagnosis))
-        sentences[:0] = _mistakes_of_diagnosis(diagnosis, {run.run for run in runs})
-    sentences[:0] = [_only_mark(runs), _scale(runs)]
+        doubts += _mistakes_of_diagnosis(diagnosis, {run.run for run in runs})
+        doubts.append(diagnosis_sentence(diagnosis))
+    sentences = [*doubts, *sentences]
     if faults:
         named = ", ".join(list(faults)[:5]) + (", …" if len(faults) > 5 else "")
         total = len(faults) + len({run.run for run in runs})
@@ -112,7 +113,7 @@ def headline(runs: Sequence[RunView]) -> list[Number]:
 def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
     """The result of `turnscope diagnose` in two or three sentences; of what is not explained, with the reason."""
     open_end = diagnosis.get("verdict") in ("unknown", "insufficient")
-    reason = as_sentence(in_words(str(diagnosis.get("reason") or ""))) if open_end else ""
+    reason = reason_sentence(diagnosis) if open_end else ""
     gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
     return " ".join(filter(None, (verdict_sentence(diagnosis), reason, moved_marks_sentence(diagnosis), gap)))
 

@@ -16,15 +16,14 @@ from evaluator.report.diagnosis.next_runs import next_runs_sentence, separations
 from evaluator.report.diagnosis.values import sizes
 from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
-    as_sentence,
     closes,
     determined_sentence,
     equivalents_sentence,
     exact_frictions_sentence,
-    in_words,
     left_out_sentence,
     moved_marks_sentence,
     not_tried_sentence,
+    reason_sentence,
     rivals_sentence,
     smoothed_sentence,
     together_sentence,
@@ -39,7 +38,7 @@ SENTENCES = 4  # on disagreements; all are in diagnosis.json
 def verdict_lines(content: dict[str, Any]) -> list[str]:
     """The content of diagnosis.json in a few lines."""
     verdict = verdict_sentence(content)
-    lines = [*mistake_sentences(content), verdict, as_sentence(in_words(content["reason"]))]
+    lines = [*mistake_sentences(content), verdict, reason_sentence(content)]
     findings = [sentence for sentence in finding_sentences(content) if sentence[1:-1] not in verdict]  # once is enough
     lines += [changed_sentence(content), *findings, negligible_sentence(content)]
     for effect in content["effects"]:

@@ -24,7 +24,7 @@ from evaluator.diagnosis.candidates.free_form import grows_with_time
 from evaluator.diagnosis.inference.fit import EXCESS, EXPLAINED
 from evaluator.diagnosis.inference.search import LARGEST_SET, Search
 from evaluator.diagnosis.likelihood.known_to import START
-from evaluator.wording import counted, verb
+from evaluator.wording import NOTHING_MISSING, counted, verb
 
 Verdict = Literal["none", "effect", "unknown", "insufficient"]
 
@@ -239,7 +239,7 @@ def decide(
         alike = ", though a free-form term explains the runs as well" if share > ALIKE_WELL else ""
         more = f"; {better}" if better else alike or ", and no free-form term explains more"
         return named, "effect", f"{which}{more}"
-    return named, "none", "the model explains the data within noise and tolerances"
+    return named, "none", NOTHING_MISSING
 
 
 def _better_fit(search: Search, table: Standing, families: int, named: Set) -> tuple[Set, str]:

@@ -30,6 +30,7 @@ from evaluator.report.diagnosis.words import (
     in_words,
     left_out_sentence,
     not_tried_sentence,
+    reason_sentence,
     rivals_sentence,
     smoothed_sentence,
     together_sentence,
@@ -62,7 +63,7 @@ def diagnosis_sections(view: DiagnosisView | None) -> tuple[Section, ...]:
 
 def _verdict(view: DiagnosisView) -> Section:
     content = view.content
-    text = [verdict_sentence(content), as_sentence(str(content.get("reason") or ""))]
+    text = [verdict_sentence(content), reason_sentence(content)]
     if view.outdated:
         text.insert(0, "Recordings, robot or program changed after this diagnosis: run turnscope diagnose again.")
     for effect in content.get("effects") or []:

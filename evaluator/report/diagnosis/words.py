@@ -10,6 +10,7 @@ from typing import Any
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
 from evaluator.report.diagnosis.values import parameters, sizes, with_interval
 from evaluator.report.numbers import significant
+from evaluator.wording import NOTHING_MISSING
 from simulator.effects.catalogue import EFFECTS
 from simulator.effects.magnet_strength import LOAD_RATIO
 
@@ -42,6 +43,14 @@ def verdict_sentence(content: Json) -> str:
     }.get(str(content.get("verdict")), "")
 
 
+def reason_sentence(content: Json) -> str:
+    """Why the verdict is what it is; empty if the verdict says so itself."""
+    reason = str(content.get("reason") or "")
+    if content.get("verdict") == "none":
+        reason = reason.removeprefix(NOTHING_MISSING).removeprefix("; ")
+    return as_sentence(in_words(reason))
+
+
 def _values_off(content: Json) -> str:
     """Values that contradict their tolerances, without the tolerances, or that all values do so together."""
     findings = [str(item).partition(",")[0].replace(": off by", " off by") for item in content.get("findings") or []]
@@ -52,16 +61,22 @@ def _values_off(content: Json) -> str:
 
 def _description(content: Json) -> str:
     """Description of an unknown effect: the free-form term, or the largest disagreement."""
-    # what may be zero is told last, and a free-form term before what is known
-    free_first = sorted(
-        content.get("effects") or [], key=lambda effect: (_may_be_zero(effect), effect["id"] != "free-form")
-    )
-    free = _with_minus("; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in free_first))
-    if free and closes(content):
-        unnamed = any(effect["id"] == "free-form" for effect in free_first)
-        return f"; the {'best free-form' if unnamed else 'nearest known'} explanation is {free}"
-    if free:
-        return f", and no free-form term does either; the nearest is {free}"
+    effects = content.get("effects") or []
+    forms = [effect for effect in effects if effect["id"] == "free-form"]
+    named = [effect for effect in effects if effect["id"] != "free-form"]
+    forms.sort(key=_may_be_zero)  # what may be zero is told last
+    # of 13 effects beside a free-form term, in four blind banks, two were there, and three a part of what was
+    firm = bool(forms) and not _may_be_zero(forms[0])
+
+    def said(effects: Sequence[Json]) -> str:
+        return _with_minus("; and ".join(f"{effect['name']}{_sizes(effect)}" for effect in effects))
+
+    if effects and closes(content):
+        beside = f", beside effects that may be there or imitate the same: {said(named)}" if firm and named else ""
+        best = said(forms if firm else [*named, *forms])
+        return f"; the {'best free-form' if forms else 'nearest known'} explanation is {best}{beside}"
+    if effects:
+        return f", and no free-form term does either; the nearest is {said([*forms, *named])}"
     seen = [item["sentence"] for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     return f", and no free-form term does either; the largest disagreement: {_with_minus(seen[0])}" if seen else ""
 

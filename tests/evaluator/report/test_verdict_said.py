@@ -13,11 +13,13 @@ from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.diagnosis.words import (
     NAMED_LOG_ODDS,
+    reason_sentence,
     rivals_sentence,
     verdict_sentence,
     words_of,
 )
 from evaluator.report.verdict import WITHOUT_EFFECTS, verdict_lines
+from evaluator.wording import NOTHING_MISSING
 
 SIZE = {"value": 1.8, "low": 1.7, "high": 1.9}
 TILT = {"id": "plate-tilt", "name": "the plate is not level", "probability": 0.998, "parameters": {"angle_deg": SIZE}}
@@ -58,12 +60,26 @@ def test_a_free_form_term_that_may_be_zero_is_told_after_the_effects() -> None:
     free = {"id": "free-form", "name": "a moment", "parameters": {"m": {"value": 1.0, "low": 0.5, "high": 1.5}}}
     unknown: dict[str, Any] = {"verdict": "unknown", "effects": [TILT, free]}
     said = verdict_sentence(unknown)
-    assert 0 < said.index("a moment") < said.index("the plate is not level")
+    doubt = said.index(", beside effects that may be there or imitate the same: ")
+    assert 0 < said.index("a moment") < doubt < said.index("the plate is not level")
     vague = {**free, "parameters": {"m": {"value": 1.0, "low": -0.1, "high": 2.1}}}
     said = verdict_sentence({**unknown, "effects": [vague, TILT]})
     assert 0 < said.index("the plate is not level") < said.index("a moment")
+    assert "beside" not in said
     assert "a moment" in verdict_sentence({**unknown, "effects": [{**free, "parameters": {}}]})
     assert "the nearest known explanation is the plate" in verdict_sentence({**unknown, "effects": [TILT]})
+
+
+def test_why_nothing_is_missing_is_told_once() -> None:
+    none: dict[str, Any] = {"verdict": "none", "effects": [], "reason": NOTHING_MISSING}
+    assert "explains these runs within noise" in verdict_sentence(none)
+    assert reason_sentence(none) == ""
+    assert (
+        reason_sentence({**none, "reason": f"{NOTHING_MISSING}; the residuals are small"}) == "The residuals are small."
+    )
+    assert reason_sentence({**none, "reason": "the effects found are small"}) == "The effects found are small."
+    assert reason_sentence({**none, "verdict": "insufficient"}) != ""
+    assert reason_sentence({"verdict": "none"}) == ""
 
 
 def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> None:
