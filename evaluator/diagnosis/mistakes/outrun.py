@@ -31,7 +31,7 @@ def _mm_s_per_rpm(robot: Robot) -> float:
     return 2 * np.pi * robot.driving_radius_mm / 60
 
 
-def _carries_mm_s(driven: Sequence[Stretch], robot: Robot) -> float:
+def carries_mm_s(driven: Sequence[Stretch], robot: Robot) -> float:
     """Highest speed of the middle of the marks at any of some commands without a push, mm/s.
 
     That of the rims, or of a turn about the axle farthest from the marks, across which the others slide: where magnets
@@ -63,7 +63,7 @@ def outruns_its_wheels(run: RunData, robot: Robot) -> Found | None:
     first_s, later_s, moved = _ways(time, middle)
     if not (moved > PUSHED_SHARE * rims_mm_s * (later_s - first_s) + LEAST_LEAP_MM).any():  # nearly all runs
         return None
-    carried = _carries_mm_s(driven, robot) * (later_s - first_s)
+    carried = carries_mm_s(driven, robot) * (later_s - first_s)
     outrun = moved > PUSHED_SHARE * carried + LEAST_LEAP_MM
     if not outrun.any() or np.mean(outrun) > 0.5 or np.ptp(first_s[outrun]) > BRIEF_S:
         return None

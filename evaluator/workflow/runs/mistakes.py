@@ -66,11 +66,14 @@ def given_marks(experiment: Experiment) -> dict[str, Path]:
 
 
 def with_sentences(notes: Mapping[str, tuple[str, ...]], mistakes: Sequence[Mistake]) -> dict[str, tuple[str, ...]]:
-    """The notes of runs with the mistakes first."""
+    """The notes of runs with the mistakes first; those of a part of a recording stand with the recording."""
+    from evaluator.diagnosis.mistakes.recognised import named, recording_of
+
     found = dict(notes)
     for item in mistakes:
-        for run in item.runs[:1] if item.everywhere else item.runs:
-            found[run] = (item.sentence.removeprefix(f"{run}: "), *found.get(run, ()))
+        said = item.sentence.removeprefix(f"{named(item.runs)}: ")
+        for run in dict.fromkeys(map(recording_of, item.runs[:1] if item.everywhere else item.runs)):
+            found[run] = (said, *found.get(run, ()))
     return found
 
 
