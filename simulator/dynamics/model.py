@@ -96,13 +96,17 @@ def compile_robot(
     return record_of(draft, rest_speed_mm_s, slots)
 
 
-def lifted_supports(robot: Robot) -> tuple[str, ...]:
-    """Names of the wheels, casters and balls that carry no load; raises SimulationError where the robot would tip."""
+def lifted_wheels(robot: Robot) -> tuple[str, ...]:
+    """Names of the wheels that carry no load; raises SimulationError where the robot would tip.
+
+    Casters and balls do not count: of two, one is lifted, and weight above an axle needs none.
+    """
     draft = Draft(robot)
     apply_effects(draft, robot.effect)
     draft.finish()
     _, loads = draft.loads_uN()
-    return tuple(name for name, load in zip(robot.wheel_names, loads, strict=True) if load == 0)
+    supports = zip(robot.wheel_names, robot.all_wheels, loads, strict=True)
+    return tuple(name for name, wheel, load in supports if load == 0 and wheel.grips)
 
 
 def _numbers_of_body(draft: Draft, unit: float) -> dict[str, Sequence[float]]:

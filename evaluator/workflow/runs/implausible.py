@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluator.errors import InputError
 from evaluator.settings import Experiment, load_any_robot
-from simulator.dynamics.model import lifted_supports
+from simulator.dynamics.model import lifted_wheels
 from simulator.errors import SimulationError
 from simulator.robot import Robot
 
@@ -28,7 +28,7 @@ WIDEST = 3.0  # distance of wheel centres over the larger side of the body: nine
 def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
     """Values of robot files that seem to be in another unit, and supports without load, of robots with a body."""
     for name, robot in _robots(experiment):
-        yield from (f"{name}: {doubt}" for doubt in (*implausible_values(robot), *unloaded_supports(robot)))
+        yield from (f"{name}: {doubt}" for doubt in (*implausible_values(robot), *unloaded_wheels(robot)))
 
 
 def refuse_implausible(experiment: Experiment) -> None:
@@ -80,13 +80,13 @@ def _overlapping(robot: Robot) -> Iterator[str]:
             return
 
 
-def unloaded_supports(robot: Robot) -> Iterator[str]:
-    """Sentences about supports that do not press on the plate, and about a robot that tips over."""
+def unloaded_wheels(robot: Robot) -> Iterator[str]:
+    """Sentences about wheels that do not press on the plate, and about a robot that tips over."""
     try:
-        lifted = lifted_supports(robot)
+        lifted = lifted_wheels(robot)
     except SimulationError as error:
         yield str(error)
         return
     if lifted:
         verb = "carries" if len(lifted) == 1 else "carry"
-        yield f"{', '.join(lifted)} {verb} no load; are the centre of gravity and the places of the supports right?"
+        yield f"{', '.join(lifted)} {verb} no load; are the centre of gravity and the places of the wheels right?"

@@ -11,7 +11,7 @@ from evaluator.cli.experiment.diagnose import say_doubts
 from evaluator.errors import InputError
 from evaluator.workflow import diagnose
 from evaluator.workflow.checks import check_experiment
-from evaluator.workflow.runs.implausible import implausible_values, unloaded_supports
+from evaluator.workflow.runs.implausible import implausible_values, unloaded_wheels
 from simulator.robot import load_robot, shipped_robot_text
 
 BARREL = load_robot("barrel")
@@ -41,7 +41,7 @@ def test_a_magnet_holds_a_robot_and_does_not_press_it_flat(share: float, *, doub
 @pytest.mark.parametrize("name", ["barrel", "column", "tire", "two_driven_caster", "four_driven", "six_driven"])
 def test_shipped_robots_are_plausible(name: str) -> None:
     robot = load_robot(name)
-    assert [*implausible_values(robot), *unloaded_supports(robot)] == []
+    assert [*implausible_values(robot), *unloaded_wheels(robot)] == []
 
 
 @pytest.mark.parametrize(
@@ -52,16 +52,26 @@ def test_shipped_robots_are_plausible(name: str) -> None:
         ((2.1, 0.0), ["is outside the wheels"]),
     ],
 )
-def test_supports_without_load_and_a_robot_that_tips_are_named(
-    gravity_mm: tuple[float, float], said: list[str]
-) -> None:
+def test_wheels_without_load_and_a_robot_that_tips_are_named(gravity_mm: tuple[float, float], said: list[str]) -> None:
     """Six wheels without magnets: around the one in front at (2, 2), the middle and rear ones of the right lift off."""
     robot = load_robot("six_driven")
     wheels = [wheel.model_copy(update={"attraction_mN": 0.0}) for wheel in robot.wheel]
     body = robot.body.model_copy(update={"center_of_gravity_mm": gravity_mm})
-    found = list(unloaded_supports(robot.model_copy(update={"body": body, "wheel": tuple(wheels)})))
+    found = list(unloaded_wheels(robot.model_copy(update={"body": body, "wheel": tuple(wheels)})))
     assert len(found) == len(said)
     assert all(words in item for words, item in zip(said, found, strict=True))
+
+
+def test_a_caster_needs_no_load() -> None:
+    """The weight of a robot stands above its axle where its file does not say more: the caster behind carries none."""
+    robot = load_robot("two_driven_caster")
+    wheels = [wheel.model_copy(update={"attraction_mN": 0.0}) for wheel in robot.wheel]
+    axle_mm = next(wheel.x_mm for wheel in wheels if wheel.grips)
+    body = robot.body.model_copy(update={"center_of_gravity_mm": (axle_mm, 0.0)})
+    above_axle = robot.model_copy(update={"body": body, "wheel": tuple(wheels)})
+    assert list(unloaded_wheels(above_axle)) == []
+    off = body.model_copy(update={"center_of_gravity_mm": (axle_mm, wheels[0].y_mm)})
+    assert ["no load" in item for item in unloaded_wheels(above_axle.model_copy(update={"body": off}))] == [True]
 
 
 @pytest.mark.parametrize(
