@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.jump import rounding_mm
 from evaluator.diagnosis.mistakes.recognised import Found
 
+Floats = NDArray[np.float64]
+
 FEWEST = 10  # frames with both marks: rounded values of fewer frames could agree by chance
+FEWEST_UNITS = 20  # of rounding that a run moves by at least: of coarser values many agree
+# Frames of a rounded copy that agree to half a unit, but for those that are outliers in one of them only. Another run
+# that is off by a hundredth of the unit misses two of a hundred frames in four coordinates.
+SAME_SHARE, ROUNDING = 0.99, 1e-6
 
 
 def copies(data: Sequence[RunData]) -> list[Found]:
@@ -54,13 +65,71 @@ def contradicting_copies(data: Sequence[RunData], known: Sequence[Found]) -> lis
 
 
 def _same_marks(data: Sequence[RunData]) -> list[list[RunData]]:
-    """Runs with the same marks, where several have them."""
+    """Runs with the same marks, where several have them, also if some are rounded."""
     alike: dict[bytes, list[RunData]] = {}
     for run in data:
-        seen = run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
+        seen = _seen(run)
         if len(seen) >= FEWEST and np.ptp(seen, axis=0).any():
             alike.setdefault(seen.tobytes(), []).append(run)
-    return [runs for runs in alike.values() if len(runs) > 1]
+    groups = list(alike.values())
+    links = _rounded([runs[0] for runs in groups])
+    _, label = connected_components(links, directed=False)
+    joined: dict[int, list[RunData]] = {}
+    for group, runs in zip(label.tolist(), groups, strict=True):
+        joined.setdefault(group, []).extend(runs)
+    order = {id(run): place for place, run in enumerate(data)}
+    return [sorted(runs, key=lambda run: order[id(run)]) for runs in joined.values() if len(runs) > 1]
+
+
+def _rounded(runs: Sequence[RunData]) -> coo_array:
+    """Which of these runs (n, n) have the marks of another, rounded to fewer places.
+
+    Two recordings that agree so well have other noise, of which some frames round to another place.
+    """
+    pairs: list[tuple[int, int]] = []
+    of_length: dict[int, list[int]] = {}
+    for place, run in enumerate(runs):
+        of_length.setdefault(len(run.marks_mm), []).append(place)
+    for places in of_length.values():
+        if len(places) < 2:
+            continue
+        middles = np.array([np.nanmedian(runs[place].marks_mm, axis=0) for place in places])
+        units = [rounding_mm(_seen(runs[place])) for place in places]
+        # half a unit in each of four coordinates, and what frames that differ may shift a median by
+        way_mm = float(np.median([np.ptp(_seen(runs[place]), axis=0).max() for place in places]))
+        near = cKDTree(middles).query_pairs(max(units) + (1 - SAME_SHARE) * way_mm)
+        pairs += [
+            (places[i], places[k])
+            for i, k in near
+            if abs(units[i] - units[k]) > 0.01 * units[i]  # in one unit, copies agree to the last digit
+            and (
+                _is_rounded(runs[places[i]], runs[places[k]], units[k])
+                or _is_rounded(runs[places[k]], runs[places[i]], units[i])
+            )
+        ]
+    rows, columns = np.array(pairs, dtype=int).reshape(-1, 2).T
+    return coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(runs), len(runs)))
+
+
+def _is_rounded(run: RunData, copy: RunData, unit_mm: float) -> bool:
+    """Whether a run of as many frames has the marks of another, rounded to a unit, which the other has not."""
+    both = np.isfinite(run.marks_mm).all(axis=1) & np.isfinite(copy.marks_mm).all(axis=1)
+    if np.count_nonzero(both) < FEWEST:
+        return False
+    marks, rounded = run.marks_mm[both], copy.marks_mm[both]
+    within = (np.abs(marks - rounded) <= unit_mm / 2 * (1 + ROUNDING)).all(axis=1)
+    if np.mean(within) < SAME_SHARE or np.ptp(marks, axis=0).max() < FEWEST_UNITS * unit_mm:
+        return False
+    return _are_multiples(rounded, unit_mm) and not _are_multiples(marks, unit_mm)
+
+
+def _are_multiples(marks_mm: Floats, unit_mm: float) -> bool:
+    """Whether all coordinates are multiples of a unit, to a hundredth of it."""
+    return bool((np.abs(marks_mm / unit_mm - np.round(marks_mm / unit_mm)) < 0.01).all())
+
+
+def _seen(run: RunData) -> Floats:
+    return run.marks_mm[np.isfinite(run.marks_mm).all(axis=1)]
 
 
 def _command(run: RunData) -> object:

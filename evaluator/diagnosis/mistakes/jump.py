@@ -45,7 +45,7 @@ def jump(run: RunData, within: float = JUMP_WITHIN) -> tuple[float, float] | Non
     frame_s = float(np.median(np.diff(time)))
     middle_steps = np.diff(_middle(marks), axis=0)
     steps = np.hypot(*middle_steps.T)
-    least_mm = max(LEAST_JUMP_MM, OF_ROUNDING * _rounding_mm(marks))
+    least_mm = max(LEAST_JUMP_MM, OF_ROUNDING * rounding_mm(marks))
     if stepping and steps.any():
         least_mm = max(least_mm, 4 * float(np.median(steps[steps > 0])))
     spans = np.maximum(np.diff(time), 1e-6)
@@ -79,7 +79,7 @@ def frames_ahead(run: RunData, at_s: float) -> int:
     return round(float(leap @ speed) / fast**2 / float(np.median(np.diff(time))))
 
 
-def _rounding_mm(marks_mm: Floats) -> float:
+def rounding_mm(marks_mm: Floats) -> float:
     """The unit to which coordinates (n, 4) are rounded: the least difference between two of them; nm do not count."""
     values = np.unique(np.round(marks_mm, 6))
     return float(np.diff(values).min()) if len(values) > 1 else 0.0
