@@ -47,11 +47,33 @@ def test_a_run_that_leaps_is_told_alone(way: float) -> None:
         (slice(AT + 1, None), 700.0, False),  # ten usual steps are 0.75 m
         (slice(AT + 1, AT + 1 + AROUND // 2), 3000.0, False),  # wrong poses
         (slice(AT + 1, AT + 3 + AROUND // 2), 3000.0, True),
+        (slice(AROUND, None), 3000.0, True),
+        (slice(AROUND - 1, None), 3000.0, False),  # too few before to know that they are right
+        (slice(60 - AROUND, None), 3000.0, True),
+        (slice(61 - AROUND, None), 3000.0, False),
     ],
 )
 def test_a_leap_is_far_and_stays(frames: slice, x_mm: float, *, told: bool) -> None:
     run = moved(poses(3, speed=0.9), frames, x_mm)
     assert bool(leaping([run], [HUSKY])) == told
+
+
+def test_a_leap_of_a_robot_that_hardly_moves_is_half_as_far_as_it_is_wide() -> None:
+    slow = poses(3, speed=0.002)
+    slow.marks_mm[:] = slow.marks_mm[0]
+    slow.marks_mm[:, ::2] += 1e-3 * np.arange(60)[:, None]
+    carried_mm = 50.0 * 2 * np.pi * HUSKY.driving_radius_mm / 60 * 0.1
+    for width, told in ((0.49, False), (0.51, True)):
+        far = moved(slow, slice(AT + 1, None), width * HUSKY.track_mm + carried_mm)
+        assert bool(leaping([far], [HUSKY])) == told
+
+
+@pytest.mark.parametrize(("poses_of_run", "told"), [(19, False), (20, True)])
+def test_a_run_of_few_poses_has_no_usual_step(poses_of_run: int, *, told: bool) -> None:
+    part = slice(AT - 9, AT - 9 + poses_of_run)
+    leaps = moved(poses(3), slice(AT + 1, None), 3000.0)
+    few = replace(leaps, time_s=leaps.time_s[part], marks_mm=leaps.marks_mm[part])
+    assert bool(leaping([few], [HUSKY])) == told
 
 
 def test_poses_that_are_held_late_or_of_marks_do_not_leap() -> None:
@@ -64,8 +86,6 @@ def test_poses_that_are_held_late_or_of_marks_do_not_leap() -> None:
     leaps = moved(run, slice(AT + 1, None), 3000.0)
     assert leaping([replace(leaps, from_poses=False)], [HUSKY]) == []
     assert leaping([replace(leaps, left_rpm=0.0, right_rpm=0.0)], [HUSKY]) == []
-    few = slice(AT - 8, AT + 8)
-    assert leaping([replace(leaps, time_s=leaps.time_s[few], marks_mm=leaps.marks_mm[few])], [HUSKY]) == []
 
 
 def test_the_mistake_of_a_part_stands_with_its_recording() -> None:

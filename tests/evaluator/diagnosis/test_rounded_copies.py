@@ -66,3 +66,19 @@ def test_coarse_places_of_a_robot_that_hardly_moves_agree_by_chance() -> None:
     unit_mm = 0.05  # it moves by five of them
     assert copies([rounded(short, unit_mm, "first"), replace(short, id="second")]) == []
     assert copies([rounded(short, unit_mm / 5, "first"), replace(short, id="second")]) != []
+
+
+@pytest.mark.parametrize(("frames", "told"), [(10, True), (9, False)])
+def test_a_rounded_copy_has_ten_frames_in_common(frames: int, *, told: bool) -> None:
+    short = replace(ORIGINAL, time_s=TIME[:frames], marks_mm=ORIGINAL.marks_mm[:frames])
+    assert bool(copies([short, rounded(short, 0.01)])) == told
+
+
+def test_of_runs_of_several_lengths_each_has_its_copy() -> None:
+    short = replace(ORIGINAL, id="short", time_s=TIME[:100], marks_mm=ORIGINAL.marks_mm[:100])
+    runs = [ORIGINAL, short, rounded(short, 0.01, "of short"), rounded(ORIGINAL, 0.01, "of original")]
+    assert {item.run: item.seen.split()[5].rstrip(",") for item in copies(runs)} == {
+        "of short": "short",
+        "of original": "original",
+    }
+    assert copies(runs[1:2] + runs[3:]) == []

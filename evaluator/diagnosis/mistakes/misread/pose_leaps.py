@@ -38,9 +38,11 @@ def _leap(run: RunData, robot: Robot) -> Found | None:
         return None
     steps_mm, spans_s = np.hypot(*np.diff(middle_mm, axis=0).T), np.diff(time_s)
     beyond_mm = steps_mm - carries_mm_s(driven, robot) * spans_s
-    at = int(np.argmax(beyond_mm))
+    at = AROUND - 1 + int(np.argmax(beyond_mm[AROUND - 1 : 1 - AROUND]))
     least_mm = max(OF_WIDTH * robot.track_mm, OF_USUAL * float(np.median(steps_mm)))
-    before, after = (np.median(part, axis=0) for part in (middle_mm[: at + 1][-AROUND:], middle_mm[at + 1 :][:AROUND]))
+    before, after = (
+        np.median(part, axis=0) for part in (middle_mm[at + 1 - AROUND : at + 1], middle_mm[at + 1 : at + 1 + AROUND])
+    )
     if beyond_mm[at] <= least_mm or np.hypot(*(after - before)) <= least_mm:
         return None
     mm, unit = (1000.0, "m") if is_full_size(robot) else (1.0, "mm")
