@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError
-from evaluator.files import read_with
+from evaluator.files import read_with, refuse_to_replace
 from evaluator.files.csv_tables import write_table
 from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, load_experiment
@@ -100,6 +100,7 @@ def analyze(
     described = read_with(load_experiment, path)
     outputs = Outputs(Path(out))
     inputs = input_files(described)
+    refuse_to_replace(inputs, outputs.of_analysis(run.id for run in described.run))
     as_found |= AsFound.of(inputs)
     jobs = jobs_of(described, outputs, simulate=simulate)
     results = results_of(jobs, workers, dask, progress)
@@ -148,6 +149,7 @@ def measure(
     are not sought. Raises InputError as `analyze` does.
     """
     described, outputs = read_with(load_experiment, Path(experiment)), Outputs(Path(out))
+    refuse_to_replace(input_files(described), outputs.of_analysis(run.id for run in described.run))
     results = results_of(jobs_of(described, outputs, simulate=False), workers, progress=progress)
     faults = _faults(described, results)
     turning = _turning(described, results, faults)

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from scipy.io import netcdf_file
 
-from evaluator.files import write_text, written_whole
+from evaluator.files import refuse_to_replace, write_text, written_whole
 from evaluator.marks import mark_names, read_marks
 from evaluator.progress import Progress, no_progress
-from evaluator.workflow.analysis import Analysis, compare
+from evaluator.workflow.analysis import Analysis, compare, input_files
 from evaluator.workflow.results.outputs import Outputs
 
 CENTER = "center"
@@ -39,7 +39,8 @@ def export(
         analysis = experiment
     else:
         analysis = compare(experiment, out, workers=workers, progress=progress)
-    outputs = analysis.outputs
+    outputs, runs = analysis.outputs, [run.id for run in analysis.experiment.run]
+    refuse_to_replace(input_files(analysis.experiment), outputs.of_export(runs))
     provenance = json.loads(outputs.provenance.read_text(encoding="utf-8"))
     results: dict[str, Any] = {"format": 1, "provenance": provenance, "faults": analysis.faults}
     results["notes"] = analysis.notes

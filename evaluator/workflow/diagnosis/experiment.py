@@ -19,7 +19,7 @@ from evaluator.diagnosis.output.robot_file import robot_text
 from evaluator.diagnosis.output.robot_with_effect import robot_with_effect
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.errors import InputError
-from evaluator.files import read_with, write_text
+from evaluator.files import read_with, refuse_to_replace, write_text
 from evaluator.files.csv_tables import write_table
 from evaluator.interchange.tracks import program_of
 from evaluator.progress import Progress, no_progress
@@ -122,7 +122,9 @@ def diagnose_experiment(
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     own = own_effect_ids(path, experiment, effects)
-    read = AsFound.of([*input_files(experiment), *filter(None, map(file_of, own))])
+    inputs = [*input_files(experiment), *filter(None, map(file_of, own))]
+    refuse_to_replace(inputs, outputs.of_diagnosis())
+    read = AsFound.of(inputs)
 
     def key_now() -> str:
         return key_of_diagnosis(experiment, outputs, list(map(text_of, own)))
@@ -198,6 +200,7 @@ def _session(
     faults: dict[str, str] = {}
     cameras: dict[str, Path] = {}
     if len(marks) < len(experiment.run):
+        refuse_to_replace(input_files(experiment), outputs.of_analysis(run.id for run in experiment.run))
         jobs = [replace(job, marks_only=True) for job in jobs_of(experiment, outputs, simulate=False)]
         results = results_of(jobs, workers, dask, lambda _, done, total=1.0: progress("tracking", done, total))
         faults = {run: fault for run, result in results.items() if (fault := result.fault)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,3 +111,19 @@ class Outputs:
     def record(self, run: str) -> Path:
         """Hashes of the inputs of each stage of a run, to determine whether it is up to date."""
         return self.folder / "records" / f"{run}.json"
+
+    def of_analysis(self, runs: Iterable[str]) -> Iterator[Path]:
+        """All files that an analysis or a comparison of these runs writes or removes."""
+        yield from (self.turning, self.pooled, self.directions, self.comparison, self.provenance, self.report)
+        for run in runs:
+            yield from (self.marks(run), self.poses(run), self.simulated(run), self.thumbnails(run), self.record(run))
+
+    def of_diagnosis(self) -> Iterator[Path]:
+        """All files that a diagnosis writes or removes, apart from those of the analysis."""
+        yield from (self.diagnosis, self.disagreement, self.robot_with_effect, *self.own_effects)
+        yield from (self.diagnosis_record, self.diagnosis_fits)
+
+    def of_export(self, runs: Iterable[str]) -> Iterator[Path]:
+        """All files that an export of these runs writes."""
+        yield self.results
+        yield from map(self.netcdf, runs)
