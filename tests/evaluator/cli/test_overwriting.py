@@ -45,7 +45,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("track film.mp4 -o m.csv --overlay film.mp4", "film.mp4"),
         ("track film.mp4 --camera camera.json -o m.csv --sheet camera.json", "camera.json"),
         ("simulate --robot robot.toml --left 3 --right 2 --duration 1 -o robot.toml", "robot.toml"),
-        ("simulate --command log.csv --duration 1 -o log.csv", "log.csv"),
+        ("simulate --robot barrel --command log.csv --duration 1 -o log.csv", "log.csv"),
         ("calibrate plate.png film.mp4 --gauge gauge.toml -o plate.png", "plate.png"),
         ("calibrate plate.png --gauge gauge.toml -o gauge.toml", "gauge.toml"),
         ("gauge gauge.toml -o gauge.toml", "gauge.toml"),
