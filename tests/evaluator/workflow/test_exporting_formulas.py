@@ -69,7 +69,10 @@ def test_a_run_is_written_as_a_dataset_of_its_marks_and_then_its_centre(tmp_path
 
 
 @pytest.mark.parametrize("compared", [True, False])
-def test_results_hold_every_table_and_a_file_of_each_run_that_did_not_fail(tmp_path: Path, compared: bool) -> None:
+def test_results_hold_every_table_and_a_file_of_each_run_that_did_not_fail(
+    tmp_path: Path, compared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exporting, "input_files", lambda _: [])
     outputs, table = two_frames(tmp_path), pd.DataFrame({"run": ["r"], "radius_mm": [np.inf]})
     outputs.provenance.write_text('{"experiment": "day"}', encoding="utf-8")
     runs: Any = SimpleNamespace(name="day", run=[SimpleNamespace(id="r"), SimpleNamespace(id="bad")])
