@@ -15,6 +15,7 @@ import pytest
 from evaluator.diagnosis.assessment.knowledge import Knowledge, together
 from evaluator.diagnosis.assessment.session_as_found import with_session
 from evaluator.diagnosis.changes import stepped_values as module
+from evaluator.diagnosis.changes.session_changes import DRIFT
 from evaluator.diagnosis.changes.stepped_values import Step, step_of_values, with_step
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
@@ -153,9 +154,42 @@ def test_the_place_of_a_change_is_found_again_at_the_noise_with_it(
     monkeypatch.setattr(module, "null_alone", null)
     monkeypatch.setattr(module, "_without_change", lambda fit, step: (fit, step.name))
     search: Any = SimpleNamespace(problem="problem")
-    got = module.with_changed_values(search, "fit", "session", Watch())  # type: ignore[arg-type]
+    fit: Any = SimpleNamespace(terms=frozenset())
+    got = module.with_changed_values(search, fit, "session", Watch())  # type: ignore[arg-type]
     assert got == (None if ends is None else f"session with {ends}")
     assert asked[1:] in ([], [("part", ("fit", "first"), "session", (("level",),))])
+
+
+@pytest.mark.parametrize(
+    ("terms", "fitted_without", "odds", "taken"),
+    [
+        ({DRIFT}, True, 12.1, True),
+        ({DRIFT}, True, 12.0, False),  # as much as the drift gains
+        ({DRIFT}, True, None, False),
+        ({DRIFT}, False, 12.1, False),
+        ({DRIFT, "plate-tilt"}, True, 12.1, True),
+        ({"plate-tilt"}, True, 12.1, False),
+    ],
+)
+def test_a_change_stands_for_a_drift_that_explains_less(
+    terms: set[str], fitted_without: bool, odds: float | None, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a scale 0.08 % larger from the ninth run on, the speed seemed to drift, and the verdict was "unknown"."""
+    without = frozenset(terms - {DRIFT})
+    scores = {frozenset(terms): -88.0, without: -100.0}
+    fits = {without: "without"} if fitted_without else {}
+    search: Any = SimpleNamespace(fits=fits, score=scores.__getitem__, problem="problem")
+    fit: Any = SimpleNamespace(terms=frozenset(terms))
+
+    def step_of(_search: Any, asked: Any, _session: Any) -> Any:
+        return SimpleNamespace(odds=odds) if asked == "without" and odds is not None else None
+
+    monkeypatch.setattr(module, "step_of_values", step_of)
+    monkeypatch.setattr(module, "with_step", lambda *_: "changed")
+    monkeypatch.setattr(module, "prepared", lambda *_: "prepared")
+    monkeypatch.setattr(module, "null_alone", lambda _: ("part", None))
+    got: Any = module.with_changed_values(search, fit, "session", Watch())  # type: ignore[arg-type]
+    assert got == ("changed" if taken else None)
 
 
 def test_a_value_that_is_free_to_change_already_changes_once_only() -> None:
