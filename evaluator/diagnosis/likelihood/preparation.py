@@ -28,10 +28,11 @@ from evaluator.diagnosis.likelihood.noise.friction_wander import MODES, wander_s
 from evaluator.diagnosis.likelihood.noise.late_changes import jumps_of, late_changes
 from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
 from evaluator.diagnosis.likelihood.noise.smoothing import (
-    AVERAGED_FRAMES,
+    AROUND_WINDOW,
     PREDICTED_FRAMES,
+    UNSETTLED_FRAMES,
     averaged_frames,
-    is_smoothed,
+    smoothed_over,
 )
 from evaluator.diagnosis.likelihood.noise.tracking import Drift, Noise
 from evaluator.diagnosis.likelihood.noise.wheel_bands import wheel_bands
@@ -94,25 +95,33 @@ def _without_averaged_frames(problem: Problem, point: Point) -> Problem:
         return problem
     filmed = [PREDICTED_FRAMES if run.filmed else 0 for run in problem.data]
     problem = replace(problem, channels=_away_from_changes(problem, filmed))
-    smoothed = _away_from_changes(problem, [AVERAGED_FRAMES] * len(problem.data))
-    without = replace(problem, channels=smoothed, smoothed=True)
-    residuals = without.residuals([point.task(run) for run in range(len(problem.data))])
+    settled = replace(problem, channels=_away_from_changes(problem, [UNSETTLED_FRAMES] * len(problem.data)))
+    residuals = settled.residuals([point.task(run) for run in range(len(problem.data))])
     spectra = [
         item
         for run, left in zip(problem.data, residuals, strict=True)
         if np.isfinite(left).all(axis=1).sum() > 1
         for item in residual_spectra(run.time_s, left, run.start_s + SETTLING_S)[:2]
     ]
-    return without if is_smoothed(spectra) else problem
+    window = smoothed_over(spectra)
+    if not window:
+        return problem
+    channels = _away_from_changes(problem, [window // 2 + AROUND_WINDOW] * len(problem.data), ends=True)
+    return replace(problem, channels=channels, smoothed_over=window)
 
 
-def _away_from_changes(problem: Problem, frames: Sequence[int]) -> tuple[Floats, ...]:
-    """Channels (n, c) of each run, NaN within some frames of a change of its command; all of them for 0 frames."""
+def _away_from_changes(problem: Problem, frames: Sequence[int], *, ends: bool = False) -> tuple[Floats, ...]:
+    """Channels (n, c) of each run, NaN within some frames of a change of its command; all of them for 0 frames.
+
+    ends: also of the ends of a recording, where a window is cut off and its middle is behind or ahead.
+    """
     found = []
     for run, item, reach in zip(problem.data, problem.channels, frames, strict=True):
         near = np.zeros(len(item), dtype=np.bool_)
         if reach:
-            near = averaged_frames(run.time_s, [run.start_s, *jumps_of(run.run_command.command)], reach)
+            changes = [run.start_s, *jumps_of(run.run_command.command)]
+            changes += [float(run.time_s[0]), float(run.time_s[-1])] if ends else []
+            near = averaged_frames(run.time_s, changes, reach)
         found.append(np.where(near[:, None], np.nan, item) if near.any() else item)
     return tuple(found)
 

@@ -57,7 +57,7 @@ class Problem:
     common_drift: Drift = NO_DRIFT  # of the midpoint of the marks: see noise/common_drift.py
     friction_wander: float = 0.0  # relative, after 1 mm of path: see noise/friction_wander.py
     change_sigma_s: float = 0.0  # of each change of a command after the start: see noise/late_changes.py
-    smoothed: bool = False  # whether frames near changes are left out: see noise/smoothing.py
+    smoothed_over: int = 0  # frames of smoothed tracks; those near changes are left out: see noise/smoothing.py
     horizon_s: float = np.inf  # only frames up to this time after the start of the motors are used
     fits: FitCache = field(default_factory=FitCache)  # of earlier fits
     watch: Watch = field(default_factory=Watch)  # checked between the steps of a fit; shares work among cores

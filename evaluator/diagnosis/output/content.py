@@ -229,6 +229,7 @@ class NoiseContent(TypedDict):
     friction_in_10_mm: Number  # random change of friction over 10 mm of path, relative, 1 sigma
     correlation_s: Number  # time over which the noise of the marks is correlated
     smoothed: bool  # whether tracks are smoothed, so that frames near changes of the command are not used
+    smoothed_over_frames: int  # width of the window; 0 of raw tracks
     run_to_run: RunToRunContent | None  # null on open ground, where it is part of the noise
 
 

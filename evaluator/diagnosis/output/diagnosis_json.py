@@ -261,7 +261,8 @@ def _noise(diagnosis: Diagnosis) -> NoiseContent:
         "common_drift_mm": rounded(common.about_mean_mm(span_s)),
         "friction_in_10_mm": rounded(problem.friction_wander * math.sqrt(10.0)),
         "correlation_s": rounded(parts[0][0].correlation_s),
-        "smoothed": problem.smoothed,
+        "smoothed": problem.smoothed_over > 0,
+        "smoothed_over_frames": problem.smoothed_over,
         "run_to_run": None if problem.open_ground else run_to_run(diagnosis),
     }
 

@@ -314,11 +314,13 @@ def effect_words(name: str) -> str:
 
 def smoothed_sentence(content: Json) -> str:
     """That frames of smoothed tracks were not used; empty if the tracks are not smoothed."""
-    if not (content.get("noise") or {}).get("smoothed"):
+    noise = content.get("noise") or {}
+    if not noise.get("smoothed"):
         return ""
+    over = noise.get("smoothed_over_frames") or "several"
     return (
-        "The tracks are smoothed over several frames, so that those near a start, a stop or a change of the command, "
-        "which average over it, are not used. Tracks without smoothing show more."
+        f"The tracks are smoothed over {over} frames, so that those near a start, a stop or a change of the command, "
+        "which average over it, and those at the ends of recordings are not used. Tracks without smoothing show more."
     )
 
 

@@ -76,7 +76,7 @@ def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_dri
     drift = Drift(0.003, 1e9)
     parts = [(Noise(white, 0.0, 0.25, NO_DRIFT, drift),) for white in (0.004, 0.005, 0.009)]
     problem = SimpleNamespace(noise=parts, common_drift=drift, data=RUNS, friction_wander=0.01, open_ground=False)
-    problem.smoothed = True
+    problem.smoothed_over = 9
     reduced = reduce_runs(linear_runs(8, 1))
     ends = MixedModel(reduced, np.zeros(1)).scatter_interval([0])
     friction, gain = np.sqrt(ends.prod(axis=1))
