@@ -22,8 +22,14 @@ from evaluator.diagnosis.assessment.gap import (
 )
 from evaluator.diagnosis.assessment.knowledge import as_taken, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import confirmation
-from evaluator.diagnosis.assessment.residuals.disagreement import dependences, every_dependence, most_telling, pieces
-from evaluator.diagnosis.assessment.residuals.rhythm import rhythm
+from evaluator.diagnosis.assessment.residuals.disagreement import (
+    Dependence,
+    dependences,
+    every_dependence,
+    most_telling,
+    pieces,
+)
+from evaluator.diagnosis.assessment.residuals.rhythm import is_of_robot, rhythm
 from evaluator.diagnosis.assessment.residuals.unexplained import unexplained
 from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
@@ -58,7 +64,9 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
     one_frame = found.session.one_frame
     seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
-    beat = rhythm(problem, placed) if found.verdict == "unknown" else None
+    beat = rhythm(problem, placed)
+    if beat is not None and found.verdict != "unknown" and not is_of_robot(problem, placed, beat):
+        beat = None
     where = (most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)
     assert found.terms is not None
     terms, session = found.terms, found.session
@@ -89,7 +97,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
         known=found.known if follows else tuple(as_taken(item.quantity) for item in found.known),
         known_together=found.known_together if follows else None,
     )
-    return _doubted(found)
+    return _doubted(found, beat)
 
 
 def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
@@ -110,8 +118,11 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
     )
 
 
-def _doubted(found: Diagnosis) -> Diagnosis:
-    """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it."""
+def _doubted(found: Diagnosis, beat: Dependence | None) -> Diagnosis:
+    """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it.
+
+    beat: the oscillation of the robot that all runs share, which counts as noise in the fits.
+    """
     gap, search = found.gap, found.search
     assert gap is not None
     assert search is not None
@@ -137,7 +148,7 @@ def _doubted(found: Diagnosis) -> Diagnosis:
             found = replace(found, reason=f"{found.reason}; detected, but {TOO_SMALL}: {missed.sentence}")
     elif found.verdict == "effect":
         reason = grown_gap(gap, found.held_out, found.outlying, open_ground=open_ground)
-    reason = reason or _missed_command(found)
+    reason = reason or _missed_command(found) or (beat.sentence if beat and not open_ground else "")
     few = "runs of more commands are needed" if open_ground and found.chosen else ""
     if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""

@@ -6,7 +6,7 @@ frequency is fitted beside a slow course; of random residuals, a walk or noise, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,9 @@ LEAST_PERIODS, FRAMES_PER_PERIOD = 3.0, 6.0  # of a run; fewer are as slow as th
 PER_RUN = 4  # frequencies over one more period in a run
 SLOW = 3  # degree of the slow course of a run
 BY = "rhythm"
+# A camera or a plate that shakes moves the marks across the paths of the runs as much as along them, and before the
+# motors start. A speed that oscillated by 6 % moved them 1.8 times as much along, as the marks are beside the centre.
+ALONG, AT_REST = 1.4, 0.5
 
 
 def rhythm(problem: Problem, point: Point) -> Dependence | None:
@@ -36,7 +39,7 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
     Its size is the amplitude of the velocity, RMS over the runs: of speed or yaw rate, which is explained better. Its
     sigmas count every frame as independent, and are the most that they can be.
     """
-    times, ways = _ways(problem, point)
+    times, ways, _ = _ways(problem, point)
     if len(times) < FEWEST_RUNS:
         return None
     found = []
@@ -55,10 +58,40 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
     return Dependence(quantity, BY, "", sigmas, sentence, ((frequency, frequency, frequency),), amplitude / np.sqrt(2))
 
 
-def _ways(problem: Problem, point: Point) -> tuple[list[Floats], dict[str, list[Floats]]]:
-    """Times, s, and residual ways, mm along the robot and deg, of the driven frames of each run."""
+def is_of_robot(problem: Problem, point: Point, beat: Dependence) -> bool:
+    """Whether an oscillation at a point of a model is the robot's, and not that of a camera or a plate that shakes."""
+    times, ways, across = _ways(problem, point)
+    frequency = beat.sizes[0][0]
+    along = ways["along_mm_s"]
+    moved, aside = (_squares(times, part, [frequency])[0][0] for part in (along, across))
+    if beat.quantity == "along_mm_s" and moved < ALONG**2 * aside:
+        return False
+    rest_times, rest = _at_rest(problem, LEAST_PERIODS / frequency)
+    if not rest_times:
+        return True
+    driven, resting = (
+        sum(_squares(when, part, [frequency])[0][0] for part in parts) / sum(map(len, when))
+        for when, parts in ((times, (along, across)), (rest_times, rest))
+    )
+    return bool(resting < AT_REST**2 * driven)
+
+
+def _at_rest(problem: Problem, lasts_s: float) -> tuple[list[Floats], tuple[list[Floats], list[Floats]]]:
+    """Times, s, and x and y, mm, of the marks' midpoint before the start, of runs that are seen at rest so long."""
+    times, x, y = list[Floats](), list[Floats](), list[Floats]()
+    for run, channels in zip(problem.data, problem.channels, strict=True):
+        used = np.isfinite(channels[:, :2]).all(axis=1) & (run.time_s < run.start_s)
+        if used.any() and np.ptp(run.time_s[used]) > lasts_s:
+            times.append(run.time_s[used])
+            x.append(channels[used, 0])
+            y.append(channels[used, 1])
+    return times, (x, y)
+
+
+def _ways(problem: Problem, point: Point) -> tuple[list[Floats], dict[str, list[Floats]], list[Floats]]:
+    """Times, s, and residual ways of the driven frames of each run: mm along the robot and deg; mm across it."""
     times: list[Floats] = []
-    along, turned = list[Floats](), list[Floats]()
+    along, turned, across = list[Floats](), list[Floats](), list[Floats]()
     for number, run in enumerate(problem.data):
         residual, channels = problem.residuals([point.task(number)])[0], problem.channels[number]
         stop_s = np.inf if run.stop_s is None else run.stop_s
@@ -68,8 +101,9 @@ def _ways(problem: Problem, point: Point) -> tuple[list[Floats], dict[str, list[
         heading = channels[used, 2] - np.pi / 2
         times.append(run.time_s[used] - run.start_s)
         along.append(np.cos(heading) * residual[used, 0] + np.sin(heading) * residual[used, 1])
+        across.append(np.cos(heading) * residual[used, 1] - np.sin(heading) * residual[used, 0])
         turned.append(np.degrees(residual[used, 2] / problem.half_distance_mm))
-    return times, {"along_mm_s": along, "yaw_deg_s": turned}
+    return times, {"along_mm_s": along, "yaw_deg_s": turned}, across
 
 
 def _strongest(times: Sequence[Floats], ways: Sequence[Floats]) -> tuple[float, float, float]:
@@ -79,18 +113,25 @@ def _strongest(times: Sequence[Floats], ways: Sequence[Floats]) -> tuple[float, 
     frequencies = np.arange(LEAST_PERIODS / lasts, fastest, 1 / (PER_RUN * lasts))
     if not len(frequencies):
         return np.nan, 0.0, np.nan
-    explained, whole = np.zeros(len(frequencies)), 0.0
-    for time, way in zip(times, ways, strict=True):
-        slow = np.linalg.qr(np.vander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, SLOW + 1))[0]
-        rest = way - slow @ (slow.T @ way)
-        whole += float(rest @ rest)
-        for k, frequency in enumerate(frequencies):
-            angle = 2 * np.pi * frequency * time
-            waves = np.column_stack([np.cos(angle), np.sin(angle)])
-            basis = np.linalg.qr(waves - slow @ (slow.T @ waves))[0]
-            explained[k] += float(np.square(basis.T @ rest).sum())
+    explained, whole = _squares(times, ways, frequencies)
     best, count = int(explained.argmax()), sum(map(len, times))
     frequency = float(frequencies[best])
     # a sine of amplitude a has the squares n a²/2, and its velocity the amplitude 2 pi f a
     amplitude = 2 * np.pi * frequency * float(np.sqrt(2 * explained[best] / count))
     return frequency, float(explained[best]) / max(whole, 1e-300), amplitude
+
+
+def _squares(times: Sequence[Floats], ways: Sequence[Floats], frequencies: Iterable[float]) -> tuple[Floats, float]:
+    """Squares that a sine of each frequency, Hz, explains in ways beside a slow course, and all squares beside that."""
+    every = list(frequencies)
+    explained, whole = np.zeros(len(every)), 0.0
+    for time, way in zip(times, ways, strict=True):
+        slow = np.linalg.qr(np.vander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, SLOW + 1))[0]
+        rest = way - slow @ (slow.T @ way)
+        whole += float(rest @ rest)
+        for k, frequency in enumerate(every):
+            angle = 2 * np.pi * frequency * time
+            waves = np.column_stack([np.cos(angle), np.sin(angle)])
+            basis = np.linalg.qr(waves - slow @ (slow.T @ waves))[0]
+            explained[k] += float(np.square(basis.T @ rest).sum())
+    return explained, whole
