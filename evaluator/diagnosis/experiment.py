@@ -16,7 +16,7 @@ from calibration.store import load_camera
 from evaluator.diagnosis.assessment.sole_run import FEWEST_RUNS
 from evaluator.diagnosis.candidates.coordinates import is_full_size, on_open_ground
 from evaluator.diagnosis.likelihood.known_to import LEVEL, Quantity, quantities, start_per_run_s
-from evaluator.diagnosis.likelihood.noise.outliers import without_outliers
+from evaluator.diagnosis.likelihood.noise.outliers import without_outliers, without_wrong_pairs
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
 from evaluator.diagnosis.long_sessions import LONGEST_S, NOT_NEEDED, PIECE_S, needed_runs, pieces_of
@@ -278,7 +278,7 @@ def _read_run(run: Run, order: int, values: Floats, line_rad: float) -> tuple[Ru
         raise InputError(f"{both.sum()} {seen}; at least {fewest} are needed")
     first, last = (int(np.flatnonzero(both)[end]) for end in (0, -1))
     values = values[first : last + 1]
-    values[:, 1:] = without_outliers(values[:, 1:])
+    values[:, 1:] = without_outliers(without_wrong_pairs(values[:, 1:]))
     shown = _run_data(run, order, values[:, 0], values[:, 1:])
     own = _own_frames(shown, fewest)
     shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own], line_rad=line_rad)

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.likelihood.noise.outliers import CHANNELS, without_outliers
+from evaluator.diagnosis.likelihood.noise.outliers import (
+    APART_SHARE,
+    CHANNELS,
+    without_outliers,
+    without_wrong_pairs,
+)
 
 SIGMA_MM = 0.003
 
@@ -64,3 +69,40 @@ def test_a_jump_that_the_motion_hides_shows_in_what_a_model_leaves_over(frame: i
     lost = np.isnan(without_outliers(left, CHANNELS))
     assert lost[frame, :2].all()
     assert lost.sum() == 2
+
+
+@pytest.mark.parametrize("away", [(0.5, 2.0), (-3.0, 0.3)])
+def test_a_reflection_taken_for_a_mark_in_many_frames_is_told_by_its_distance(away: tuple[float, float]) -> None:
+    """One frame in eight, some in a row: a run was set aside as moved by a hand, and another as pushed."""
+    rng, marks = np.random.default_rng(5), path()
+    wrong = np.sort(rng.choice(300, 30, replace=False))
+    wrong = np.union1d(wrong, [200, 201, 202, 0, 299])
+    marks[wrong, :2] += np.array(away) + rng.normal(0.0, 0.2, (len(wrong), 2))
+    lost = np.isnan(without_wrong_pairs(marks))
+    assert (lost.any(axis=1) == lost.all(axis=1)).all()
+    assert np.flatnonzero(lost[:, 0]).tolist() == wrong.tolist()
+
+
+def test_a_distance_that_changes_slowly_or_little_is_that_of_the_camera() -> None:
+    marks = path()
+    marks[:, 3] += 0.15 * np.sin(np.arange(300) / 60)  # 4 % nearer and farther
+    assert not np.isnan(without_wrong_pairs(marks)).any()
+    for share, lost in ((0.8, False), (1.2, True)):
+        exact = np.tile([1.0, 2.0, 1.0, 2.0 + 3.66], (60, 1))
+        exact[30, 3] += share * APART_SHARE * 3.66
+        assert np.isnan(without_wrong_pairs(exact)[30]).all() == lost
+    noisy = path() + 0.02 * np.random.default_rng(1).normal(size=(300, 4))
+    assert not np.isnan(without_wrong_pairs(noisy)).any()
+    noisy[30, 1] += 0.1  # three standard deviations
+    assert not np.isnan(without_wrong_pairs(noisy)).any()
+
+
+def test_frames_without_marks_and_short_runs_stay_as_they_are() -> None:
+    marks = path()
+    marks[40:60] = np.nan
+    marks[100, 1] += 2.0
+    lost = np.isnan(without_wrong_pairs(marks))
+    assert np.flatnonzero(lost[:, 0]).tolist() == [*range(40, 60), 100]
+    short = path()[:12]
+    short[5] += [2.0, 0.0, 0.0, 0.0]
+    assert not np.isnan(without_wrong_pairs(short)).any()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from evaluator.robust import PER_MEDIAN, median_of_rows, quantile_of_rows
+from evaluator.robust import PER_MEDIAN, median_of_rows, quantile_of_rows, robust_sigma
 
 Floats = NDArray[np.float64]
 
@@ -15,6 +16,9 @@ OUTLIER_SIGMAS = 9.0  # a bend of the path at the start is less; tails of ordina
 # Steps from which the place of an end is extrapolated: where motion begins within them, it is off by 2 steps at most.
 ENDS_FROM = (1, 2, 3)
 LEAST_SIGMA_MM = 5e-4  # marks without noise, from another program, bend by as much
+# Of the distance of two marks: frames around, of which half may be wrong, and the least deviation. A camera that is
+# tilted by 10 degrees, or a lens, changes it by less while a robot drives for half a second.
+DISTANCE_AROUND, APART_SHARE = 61, 0.01
 MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3, 4))  # columns with common outliers
 
 
@@ -44,6 +48,25 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
         step = quantile_of_rows(np.abs(np.diff(said, axis=0)), 0.95)
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
         cleaned[seen[(np.abs(off) > limit).any(axis=1)], part] = np.nan
+    return cleaned
+
+
+def without_wrong_pairs(values: Floats) -> Floats:
+    """Coordinates (n, 4), mm, of two marks, NaN in frames in which they have another distance than in those around.
+
+    A robot is rigid: one of them is then something else, a reflection for example, also for several frames in a row,
+    which a path does not show. The camera changes their distance slowly.
+    """
+    distance = np.hypot(values[:, 0] - values[:, 2], values[:, 1] - values[:, 3])
+    seen = np.flatnonzero(np.isfinite(distance))
+    if len(seen) < AROUND:
+        return values
+    usual, cleaned = distance[seen], values.copy()
+    limit = OUTLIER_SIGMAS * robust_sigma(np.diff(usual)) / np.sqrt(2)
+    limit = max(limit, APART_SHARE * float(np.median(usual)))
+    if np.abs(usual - np.median(usual)).max() > limit:  # few runs
+        around = median_filter(usual, min(DISTANCE_AROUND, len(usual)), mode="mirror")
+        cleaned[seen[np.abs(usual - around) > limit]] = np.nan
     return cleaned
 
 
