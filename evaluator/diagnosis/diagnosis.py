@@ -19,7 +19,7 @@ from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.limits import limits
 from evaluator.diagnosis.inference.watch import Cores, Watch
-from evaluator.diagnosis.likelihood.run_data import is_shared
+from evaluator.diagnosis.likelihood.run_data import RunData, is_shared
 from evaluator.diagnosis.likelihood.variants import varied_robot
 from evaluator.diagnosis.mistakes.explained import without_explained_mistakes
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
@@ -82,7 +82,7 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
         again = _without(found, suspect, watch, fits, hides=hides, only=only)
         if again is None:  # the others do not need fewer effects; named ones that they deny are no finding, either
             return withdrawn(found, _contradicted(found, rests)) if alone and named else found
-        if alone and again.verdict == "none":
+        if alone and again.verdict == "none" and not _is_of_other_run(run, again):
             return replace(again, verdict="insufficient", reason=_contradicted(found, rests))
         if again.verdict == "effect" and not again.chosen <= found.chosen and not turns_like_others(run, others):
             rests = f"explains all runs but {run.id}, the only one that turns this way: repeat that run"
@@ -94,6 +94,12 @@ def _on_all_but_sole_runs(session: Session, watch: Watch, fits: FitCache | None)
             rests = f"rests on {denied} alone, and others are left out already: repeat these runs"
             return withdrawn(found, _contradicted(found, rests))
     return found
+
+
+def _is_of_other_run(run: RunData, found: Diagnosis) -> bool:
+    """Whether a run that is left out moves exactly as by another command of the session, which no effect does."""
+    said = (item for item in found.session.mistakes if item.runs == (run.id,))
+    return any(item.kind == "wrong-command" and item.corrections for item in said)
 
 
 def _contradicted(found: Diagnosis, rests: str) -> str:

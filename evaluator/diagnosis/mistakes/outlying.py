@@ -92,7 +92,8 @@ def outlying_run(
         seen += f", or as if it were commanded about {found} rpm, not {run.left_rpm:g} / {run.right_rpm:g}"
         seen += _of_wheels(faster)
         remedy, equivalent = f"{remedy}; or {REMEDIES['wrong-command']}", (*equivalent, "wrong-command")
-    return Mistake((run.id,), reading.kind, f"{alone}: it {seen}; {remedy}", equivalent_kinds=equivalent)
+    corrections = {run.id: reading.correction} if reading.correction else {}
+    return Mistake((run.id,), reading.kind, f"{alone}: it {seen}; {remedy}", False, equivalent, corrections)
 
 
 def _has_speeds(reading: Found, run: RunData, gains: tuple[float, float]) -> bool:

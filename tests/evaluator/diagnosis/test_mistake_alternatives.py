@@ -102,7 +102,10 @@ def test_a_run_may_be_driven_the_other_way_round_exchanged_or_seen_in_a_mirror()
     # the command of another run, as far as no kind of its own tells it, then slips of the keyboard
     mistyped = [(3.0, 20.0), (30.0, 2.0), (300.0, 20.0), (30.0, 200.0), (-30.0, 20.0), (30.0, -20.0)]
     mistyped += [(0.0, 20.0), (30.0, 0.0), (60.0, 40.0)]
-    assert [other.command for other in found["wrong-command"]] == [(60.0, 20.0), *mistyped]
+    ways = [(-60.0, -20.0), (-20.0, -60.0), (20.0, 60.0), (60.0, 20.0)]
+    assert [other.command for other in found["wrong-command"]] == [*ways, *mistyped]
+    off = ways_of(run, replace(run, left_rpm=40.0, right_rpm=0.0))["wrong-command"]
+    assert "-0" not in " ".join(f"{left:g} {right:g}" for left, right in (other.command for other in off)).split()
     assert "late-start" not in found
     backward = ways_of(replace(run, left_rpm=-15.0, right_rpm=-6.0))["wrong-command"]
     assert "-15 / 0" in [f"{left:g} / {right:g}" for left, right in (other.command for other in backward)]  # not -0

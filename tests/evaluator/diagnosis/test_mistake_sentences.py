@@ -201,7 +201,7 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     slow = Found("r0", "wrong-rate", "moves so", "mend it", ("late-start",), Correction(seconds_times=1.25))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: slow)
     named = outlying_run(replace(run, left_rpm=-15.0, right_rpm=-18.0), others, ROBOT)
-    assert named.equivalent_kinds == ("late-start", "wrong-command")
+    assert (named.equivalent_kinds, named.corrections) == (("late-start", "wrong-command"), {"r0": slow.correction})
     assert named.sentence.endswith(
         "it moves so, or as if it were commanded about -19 / -22 rpm, not -15 / -18, or as if its wheels were 1.2 "
         "times as large (another robot?); mend it; or check which command belongs to this recording"
@@ -209,7 +209,7 @@ def test_a_lone_run_that_disagrees_is_named_by_its_reading_or_as_outlying(monkey
     read = Found("r0", "mirrored", "moves so", "mirror it", ("reversed",))
     monkeypatch.setattr(outlying, "reading_of", lambda *_: read)
     named = outlying_run(run, others, ROBOT)
-    assert (named.kind, named.equivalent_kinds) == ("mirrored", ("reversed",))
+    assert (named.kind, named.equivalent_kinds, named.corrections) == ("mirrored", ("reversed",), {})
     assert named.sentence.endswith("runs determine: it moves so; mirror it")
     ground = outlying_run(replace(run, from_poses=True), others, load_robot(HUSKY))
     assert (ground.kind, ground.equivalent_kinds) == ("outlying", ())

@@ -12,7 +12,7 @@ import pytest
 from evaluator.diagnosis import diagnosis as module
 from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.experiment import Session
-from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.diagnosis.mistakes.recognised import Correction, Mistake
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.progress import no_progress
 
@@ -95,6 +95,27 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
     assert found.verdict == said
     assert ("the evidence rests on r3 alone, and no other run has a similar command" in found.reason) == (not similar)
     assert [item.runs for item in found.session.mistakes] == ([] if said == "effect" else [("r3",)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "corrected", "said"),
+    [
+        ("wrong-command", True, "none"),  # exactly that of another run
+        ("wrong-command", False, "insufficient"),  # about so fast
+        ("mirrored", True, "insufficient"),
+    ],
+)
+def test_a_run_that_moves_by_the_command_of_another_is_no_drive_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, kind: Any, corrected: bool, said: str
+) -> None:
+    """A run with a slip of the keyboard in its command was named as that, and yet nothing was decided by the others."""
+    corrections = {"r3": Correction(command=(-33.3, -14.4))} if corrected else {}
+    whole = finding("unknown")
+    around(monkeypatch, similar=False)
+    read = Mistake(("r3",), kind, "r3 moves so", False, (), corrections)
+    monkeypatch.setattr(module, "outlying_run", lambda *_: read)
+    monkeypatch.setattr(module, "diagnosed", lambda asked, *_: whole if len(asked.data) == 12 else NOTHING)
+    assert diagnose(whole.session, no_progress).verdict == said
 
 
 @pytest.mark.parametrize("followed", [False, True])

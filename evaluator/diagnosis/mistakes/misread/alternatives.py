@@ -139,11 +139,18 @@ def _in_unit(run: RunData, factor: Factor) -> list[Alternative]:
 
 
 def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
-    """The run with commands of other runs: constant commands from its own start on, logs in their own time."""
+    """The run with commands of other runs, in any direction and to any side: sessions drive most of them so.
+
+    Constant commands count from its own start on, logs in their own time.
+    """
     left, right = run.command
     found = []
-    tried = {(left, right), (-left, -right), (right, left)} if run.log is None else set()
-    for command in sorted({other.command for other in data if other.log is None} - tried):
+    own = {(left, right), (-left, -right), (right, left), (-right, -left)}  # the last as if its marks were exchanged
+    tried = own if run.log is None else set()
+    given = {other.command for other in data if other.log is None}
+    sides = [pair for speeds in given for pair in (speeds, speeds[::-1])]
+    ways = {(sign * first + 0.0, sign * second + 0.0) for first, second in sides for sign in (1, -1)}  # off is not -0
+    for command in sorted(ways - tried):
         words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm"
         words += f", not {left:g} / {right:g}" if run.log is None else ", not as its log says"
         changed = replace(run, left_rpm=command[0], right_rpm=command[1], log=None)
