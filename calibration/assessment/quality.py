@@ -177,7 +177,7 @@ def _ill_conditioned(calibration: Calibration, spread: float) -> list[str]:
         why.append(
             f"all images are parallel within {spread:.1f} degrees and do not determine focal length and distance"
         )
-    if sigma > FOCAL_TOLERANCE * focal:
+    if sigma > FOCAL_TOLERANCE * focal and not calibration.focal_difference:  # which is told by itself
         why.append(
             f"the focal length is known to {100 * sigma / focal:.2g} % only: a long lens ({focal / width:.1f} widths) "
             "with too little tilt shows too little perspective"

@@ -30,7 +30,7 @@ from calibration.estimation.flatness import (
     flatness_of,
     rest_covariance,
 )
-from calibration.estimation.focal_of_images import focal_difference
+from calibration.estimation.focal_of_images import covariance_by_focal, focal_difference
 from calibration.estimation.gauge_as_printed import FOREIGN_PITCH, as_printed, stretch
 from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance
 from calibration.estimation.initial_values import rough_prior
@@ -283,6 +283,7 @@ def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None
     covariance += np.outer(pitch_error, pitch_error)
     if bent is not None:
         covariance[POSE, POSE] += rest_covariance(bent, gauge, fit.state.poses[0])
+    covariance += covariance_by_focal(focal_difference(views, fit), fit.state.parameters(0))
     return Camera(
         size_px=size_px,
         parameters=fit.state.parameters(0),

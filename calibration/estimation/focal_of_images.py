@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.camera import project
+from calibration.camera import PARAMETERS, project
 from calibration.estimation.bundle_adjustment import POSE_COUNT, Fit, View, places_of_view, points_of, view_rows
 from calibration.estimation.robust import huber_weights
 
@@ -55,3 +55,17 @@ def focal_difference(views: Sequence[View], fit: Fit) -> float:
     sigma = np.sqrt(np.maximum(variance * (spread[:, None] + spread - 2 * covariance), 1e-300))
     excess = found[:, None] - found
     return float(excess.flat[np.argmax(np.where(np.eye(count, dtype=bool), -1.0, excess / sigma))])
+
+
+def covariance_by_focal(difference: float, parameters: Array) -> Array:
+    """Covariance (16, 16) of a camera's parameters (16,) whose focal length is uncertain by a relative difference.
+
+    It may be that of any image. The plate stays as large in its image if its distance changes in proportion: lengths on
+    it keep their scale, and those at a height above it change by the share of the height in the distance. Of a camera
+    150 mm away that was focused anew by 2 %, those of marks 6.5 mm above the plate were wrong by 0.093 %, and said to
+    be known to 0.021 %.
+    """
+    change = np.zeros(len(PARAMETERS))
+    for name in ("focal_px", "translation_z_mm"):
+        change[PARAMETERS.index(name)] = difference * parameters[PARAMETERS.index(name)]
+    return np.outer(change, change)

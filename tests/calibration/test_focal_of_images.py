@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibration.camera import camera_above
 from calibration.estimation.bundle_adjustment import Fit, View, solve
 from calibration.estimation.flatness import QUADRATIC
-from calibration.estimation.focal_of_images import focal_difference
+from calibration.estimation.focal_of_images import covariance_by_focal, focal_difference
 from tests.calibration.bundles import CAMERA, FREE, LOOSE, bundle
 
 MIDDLE = CAMERA.lens_parameters[2:4]
@@ -57,3 +58,13 @@ def test_a_misfit_of_which_most_remains_is_not_taken_for_a_difference() -> None:
 
 def test_a_single_image_has_one_focal_length() -> None:
     assert focal_difference(*fitted(bundle(1)[0])) == 0.0
+
+
+def test_lengths_above_the_plate_are_as_uncertain_as_the_focal_length_makes_its_distance() -> None:
+    difference, height, distance = 0.02, 6.5, 120.0
+    camera = camera_above(size_px=(400, 300), focal_px=1200, distance_mm=distance)
+    unsure = replace(camera, covariance=covariance_by_focal(difference, camera.parameters))
+    assert unsure.sigma("focal_px") == pytest.approx(difference * 1200)
+    assert unsure.scale_sigma(0.0) == pytest.approx(0.0, abs=1e-9)
+    assert unsure.scale_sigma(height) == pytest.approx(difference * height / (distance - height), rel=0.01)
+    assert not covariance_by_focal(0.0, camera.parameters).any()
