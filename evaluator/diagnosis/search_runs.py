@@ -18,7 +18,7 @@ from evaluator.diagnosis.inference.screening import screen
 from evaluator.diagnosis.inference.search import LARGEST_SET, RIVALS_KEPT, Search, fit_set, log_prior
 from evaluator.diagnosis.inference.settled_noise import common_noise, settled_noise, with_common_drift
 from evaluator.diagnosis.inference.short_horizon import is_implausible, is_large, recalibrated, short_horizon_fits
-from evaluator.diagnosis.inference.strategy import HOPELESS, extend, run_search
+from evaluator.diagnosis.inference.strategy import HOPELESS, extend, fit_alike, run_search
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNoise, usual_drift
 from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
@@ -110,7 +110,9 @@ def _begun(ready: Prepared, runs: Sequence[int]) -> tuple[Search, Point, bool]:
 
 def refined(part: Search, nominal: Point, progress: Progress) -> Search:
     """The search with the noise of its best model, and with fits of effects that may replace one of it."""
+    fit_alike(part)
     part = _with_settled_noise(part, nominal, progress)
+    fit_alike(part)
     _swap(part)
     return part
 

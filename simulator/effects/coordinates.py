@@ -82,7 +82,8 @@ class Candidate:
     fit; or empty. stepwise: the response is not differentiable; only the starts are tried, and each stands for the
     interval of `between` around it, (low, high). usual: range of the size in which the effect is accepted; beyond it
     only together with the effect `beside`, which explains the same response. known: quantities that the runs determine
-    even where they do not determine the parameters, as a function of the coordinates, by name.
+    even where they do not determine the parameters, as a function of the coordinates, by name. alike: coordinates far
+    from some with nearly the same response, from which a fit may find a better optimum.
     """
 
     id: str
@@ -95,6 +96,7 @@ class Candidate:
     usual: tuple[float, float] = (-inf, inf)
     beside: str = ""
     known: Callable[[tuple[float, ...]], Parameters] | None = None
+    alike: Callable[[tuple[float, ...]], tuple[tuple[float, ...], ...]] | None = None
 
     def believed(self, size: float, effects: AbstractSet[str]) -> bool:
         """Whether a size is accepted in a model with these effects; see usual and beside."""

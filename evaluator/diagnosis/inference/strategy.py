@@ -204,3 +204,13 @@ def _refit(
         tries[ids] = tries.get(ids, 0) + 1
         starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}
         fit_set(search, ids, starts, origin, explained)
+
+
+def fit_alike(search: Search) -> None:
+    """Fit the best set again from coordinates far away that act nearly alike: see Candidate.alike."""
+    best = search.ranked()[0]
+    for effect in sorted(best):
+        alike = search.terms[effect].alike
+        for start in alike(search.fits[best].point.terms[effect]) if alike else ():
+            begin = search.terms[effect].clipped(start)
+            fit_set(search, best, {effect: begin}, search.fits[best])

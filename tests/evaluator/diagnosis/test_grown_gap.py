@@ -142,7 +142,7 @@ def test_a_term_without_a_name_whose_gap_does_not_shrink_is_not_told(
     monkeypatch.setattr(review, "reviewed", lambda found: found)
     term, search = frozenset({"free:force_left.v_abs_v"}), SimpleNamespace()
     found = Diagnosis("unknown", "why", None, chosen=term, gap=gap(after), search=search)  # type: ignore[arg-type]
-    again = review._doubted(found)
+    again = review._doubted(found, None)
     assert again.verdict == "unknown"
     assert again.chosen == (term if told else frozenset())
     tried = "why; with free:force_left.v_abs_v, the nearest description, the gap after refitting does not shrink (0.1"
@@ -169,18 +169,18 @@ def test_what_speaks_against_an_effect_in_too_few_runs_is_insufficient(monkeypat
     monkeypatch.setattr(review, "reviewed", lambda found: found)
     monkeypatch.setattr(review, "withdrawn", without_effects)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: "measure more")
-    found = review._doubted(_of_four_runs("effect", 0.11))
+    found = review._doubted(_of_four_runs("effect", 0.11), None)
     assert (found.verdict, found.chosen) == ("insufficient", frozenset())
     assert found.reason.endswith("; measure more")
-    assert review._doubted(_of_four_runs("effect", 0.01)).verdict == "effect"
+    assert review._doubted(_of_four_runs("effect", 0.01), None).verdict == "effect"
     monkeypatch.setattr(review, "too_few_runs", lambda *_: "")
-    assert review._doubted(_of_four_runs("effect", 0.11)).verdict == "unknown"
+    assert review._doubted(_of_four_runs("effect", 0.11), None).verdict == "unknown"
 
 
 def test_what_speaks_against_an_effect_on_open_ground_asks_for_more_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(review, "reviewed", lambda found: found)
     monkeypatch.setattr(review, "withdrawn", without_effects)
-    found = review._doubted(_of_four_runs("effect", 0.11, open_ground=True))
+    found = review._doubted(_of_four_runs("effect", 0.11, open_ground=True), None)
     assert (found.verdict, found.chosen) == ("insufficient", frozenset())
     assert found.reason.startswith("with plate-tilt, the gap after refitting does not shrink")
     assert found.reason.endswith("; runs of more commands are needed")

@@ -27,6 +27,8 @@ def reviewed(
     *,
     chosen: frozenset[str] = TILT,
     held_out: tuple[int, ...] = (),
+    beat: str | None = None,
+    of_robot: bool = True,
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """The review of an answer over four runs whose marks it misses by these gaps, and what it began from.
 
@@ -62,7 +64,9 @@ def reviewed(
         "dependences": lambda seen: [f"all of {seen}"],
         "every_dependence": lambda seen: [f"every of {seen}"],
         "as_taken": lambda item: f"{item} as taken",
-        "_doubted": lambda found: found,
+        "rhythm": lambda *_: beat,
+        "is_of_robot": lambda *_: of_robot,
+        "_doubted": lambda found, beat: began.update(beat=beat) or found,
     }
     for name, part_of in parts.items():
         monkeypatch.setattr(review, name, part_of)
@@ -117,6 +121,16 @@ def test_where_nothing_is_added_all_dependences_are_told_and_the_gap_after_is_th
     assert np.isnan(found.confirmation)
 
 
+@pytest.mark.parametrize("chosen", [TILT, frozenset[str]()])
+@pytest.mark.parametrize("of_robot", [True, False])
+def test_an_oscillation_of_the_robot_is_told_first_and_one_of_the_camera_not(
+    monkeypatch: pytest.MonkeyPatch, chosen: frozenset[str], *, of_robot: bool
+) -> None:
+    found, began = reviewed(monkeypatch, [0.2] * 4, chosen=chosen, beat="0.9 Hz", of_robot=of_robot)
+    assert (found.where[0] == "0.9 Hz") == of_robot
+    assert began["beat"] == ("0.9 Hz" if of_robot else None)
+
+
 def doubted(
     monkeypatch: pytest.MonkeyPatch,
     found: Diagnosis,
@@ -125,6 +139,7 @@ def doubted(
     grown: str = "",
     few: str = "",
     beyond: float = 0.51,
+    beat: str = "",
 ) -> Diagnosis:
     """What is left of an answer where residuals, the gap, or the number of runs speak against it."""
     monkeypatch.setattr(review, "unexplained", lambda *_: SimpleNamespace(sentence=missed) if missed else None)
@@ -135,7 +150,7 @@ def doubted(
     monkeypatch.setattr(review, "reviewed", lambda again: again)
     for name in ("knowledge", "together", "adequacy"):
         monkeypatch.setattr(review, name, lambda *given, name=name: (f"{name} of {given[name == 'knowledge']}",))
-    return review._doubted(found)
+    return review._doubted(found, SimpleNamespace(sentence=beat) if beat else None)  # type: ignore[arg-type]
 
 
 def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
@@ -164,6 +179,10 @@ def answered(verdict: Any, chosen: frozenset[str], **more: Any) -> Diagnosis:
         ),
         ("effect", {"missed": "yaw"}, "effect", "so", True),
         ("effect", {"few": "too few"}, "effect", "so", True),
+        ("none", {"beat": "it hunts"}, "unknown", "it hunts", True),
+        ("effect", {"beat": "it hunts"}, "unknown", "it hunts", True),
+        ("effect", {"beat": "it hunts", "grown": "grows"}, "unknown", "grows", True),
+        ("insufficient", {"beat": "it hunts"}, "insufficient", "so", True),
         ("unknown", {"grown": "grows"}, "unknown", "so; with free:x, the nearest description, grows", False),
         ("insufficient", {"missed": "yaw"}, "insufficient", "so", True),
     ],

@@ -72,7 +72,7 @@ def test_a_screened_candidate_pays_for_its_numbers_that_do_not_vary_yet_and_begi
     assert view.start_of(("spot", (0,))) == (2.5, 3.0, 4.0)
     assert view.start_of(("line", (1,))) == (0.0,)
     assert view.start_of(("line", (2,))) == (7.0,)
-    assert seen(columns, lambda _: 0.0, [-2.5]).start_of(("spot", (0,))) == (0.0, 3.0, 4.0)  # within its bounds
+    assert seen(columns, lambda _: 0.0, [-2.5]).start_of(("spot", (0,))) == (1.0, 3.0, 4.0)  # a step within its bounds
 
 
 @pytest.mark.parametrize(("share", "wanted"), [(0.49, False), (0.51, True), (1.49, True), (1.51, False)])
