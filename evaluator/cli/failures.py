@@ -48,7 +48,8 @@ def sentence_of(error: ValueError | OSError | MemoryError) -> str | None:
     from simulator.errors import SimulationError
 
     if isinstance(error, MemoryError):
-        return f"more memory is needed than this machine has ({error}); is a size in one of the files too large?"
+        asked = "is a size in one of the files, a duration or a rate too large?"
+        return f"more memory is needed than this machine has ({error}); {asked}"
     if isinstance(error, (CalibrationError, SimulationError, InputError)):
         return str(error)
     if isinstance(error, OSError) and error.strerror:  # words of the system, for a full disk or a protected folder

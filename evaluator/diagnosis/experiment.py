@@ -29,7 +29,7 @@ from evaluator.errors import InputError
 from evaluator.files import read_with
 from evaluator.interchange.tracker_faults import Mended, mended, without_faults
 from evaluator.mark_geometry import equal_height_mm
-from evaluator.marks import columns_of, is_of_film, mark_names, read_marks
+from evaluator.marks import columns_of, is_of_film, mark_names, read_marks, require_marks
 from evaluator.robot_geometry import reference_line, reference_marks, reference_pair
 from evaluator.settings import Experiment, KnownTo, Relevant, Run
 from evaluator.wording import counted
@@ -251,8 +251,8 @@ def _pair_of(
     """
     if len(robot.points_mm) == len(pair) and not seen:
         found = known.get(path) or _mended(path)
-        if missing := [name for name in pair if name not in found.names]:
-            raise InputError(f"{path}: lacks the marks {', '.join(missing)} of {robot.name}")
+        if not set(pair) <= set(found.names):
+            require_marks(read_marks(path), str(path), pair)
         places = [found.places_mm[:, found.names.index(name)] for name in pair]
         return None, np.column_stack([found.time_s, *places]), found.of_film
     read = read_marks(path)

@@ -22,6 +22,7 @@ LIGHTEST, HEAVIEST = 10.0, 21_500.0
 WEAKEST, STRONGEST = 0.01, 300.0
 # Friction of wheels: a quarter of that of ice on ice, and twice that of racing tires. A forgotten point is beyond.
 SMOOTHEST, ROUGHEST = 0.005, 4.0
+VAGUEST = 1.0  # tolerance, relative: a value that is not known to its own size is not known
 WIDEST = 3.0  # distance of wheel centres over the larger side of the body: nine robots here have 0.4 to 0.8
 
 
@@ -61,6 +62,9 @@ def implausible_values(robot: Robot) -> Iterator[str]:
     for name in ("longitudinal_friction", "lateral_friction"):
         if not SMOOTHEST < (friction := getattr(robot.slip, name)) < ROUGHEST:
             yield f"slip.{name} = {friction:g}; wheels have {SMOOTHEST:g} to {ROUGHEST:g}: is a decimal point wrong?"
+    for key, vague in robot.tolerance.items():
+        if vague > VAGUEST:
+            yield f"tolerance of {key} = {vague:g}, which is {100 * vague:g} %; is it given in percent? It is a share"
     if max(robot.extent_mm) > WIDEST * max(body.length_mm, body.width_mm):
         apart = " x ".join(f"{extent:g}" for extent in robot.extent_mm)
         yield f"wheel centres {apart} mm apart, of a body of {box} mm; is one of the sizes in another unit?"

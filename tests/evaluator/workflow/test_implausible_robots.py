@@ -62,6 +62,16 @@ def test_wheels_without_load_and_a_robot_that_tips_are_named(gravity_mm: tuple[f
     assert all(words in item for words, item in zip(said, found, strict=True))
 
 
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.05, []), (1.0, []), (5.0, ["slip.lateral_friction = 5, which is 500 %"])]
+)
+def test_a_tolerance_in_percent_is_told(share: float, said: list[str]) -> None:
+    vague = BARREL.model_copy(update={"tolerance": {"slip.lateral_friction": share, "wheels.radius_mm": 0.01}})
+    found = list(implausible_values(vague))
+    assert len(found) == len(said)
+    assert all(words in item for words, item in zip(said, found, strict=True))
+
+
 def test_a_caster_needs_no_load() -> None:
     """The weight of a robot stands above its axle where its file does not say more: the caster behind carries none."""
     robot = load_robot("two_driven_caster")
