@@ -83,8 +83,14 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
 
 
 def _undecided(search: Search, table: Standing, session: Session) -> str:
-    """Why the runs do not exclude an effect that would matter; empty if they exclude all."""
+    """Why the runs do not exclude an effect that would matter; empty if they exclude all.
+
+    An effect equivalent to a value that contradicts its tolerance is told as that value.
+    """
     possible, why = undecided(search, table)
+    off = [item for item in knowledge(session.known, search.null) if item.is_finding] if possible else []
+    if possible <= {effect for item in off for effect in item.equivalent}:
+        return ""
     done = (changes(search.problem, search.fits[possible], effect) for effect in possible)
     return why if any(item.matter(session.relevant) for item in done) else ""
 

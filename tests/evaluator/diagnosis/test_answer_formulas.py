@@ -44,6 +44,7 @@ def answered(
     possible: frozenset[str] = NONE,
     asked: dict[str, Any] | None = None,
     ahead: float = 1.0,
+    alike: tuple[str, ...] = (),
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
     chosen, verdict = decided
@@ -86,7 +87,9 @@ def answered(
         "step_for_drift": lambda *_: step,
         "too_few_runs": lambda *_: few,
         "too_few_commands": lambda *_: untested,
-        "knowledge": lambda *_: (SimpleNamespace(is_finding=finding, quantity=SimpleNamespace(name="track")),),
+        "knowledge": lambda *_: (
+            SimpleNamespace(is_finding=finding, quantity=SimpleNamespace(name="track"), equivalent=alike),
+        ),
         "together": lambda *_: SimpleNamespace(is_finding=False),
     }
     for name, part in parts.items():
@@ -140,6 +143,24 @@ def test_runs_that_neither_prove_nor_exclude_an_effect_that_would_matter_decide_
     assert (found.verdict, found.chosen, found.reason) == (
         verdict, chosen, "odds" if verdict == "insufficient" else "so",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("alike", "finding", "verdict"),
+    [
+        (("a",), True, "none"),
+        (("c", "a"), True, "none"),
+        (("a",), False, "insufficient"),
+        (("b",), True, "insufficient"),
+    ],
+)
+def test_what_is_told_as_a_value_beyond_its_tolerance_is_decided(
+    alike: tuple[str, ...], finding: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = answered(monkeypatch, (NONE, "none"), possible=A, finding=finding, alike=alike)
+    assert found.verdict == verdict
+    both = answered(monkeypatch, (NONE, "none"), possible=AB, finding=finding, alike=alike)
+    assert both.verdict == "insufficient"
 
 
 def test_an_effect_that_keeps_values_within_tolerances_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
