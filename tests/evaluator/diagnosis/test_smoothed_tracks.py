@@ -108,6 +108,12 @@ def test_a_window_is_found_though_frames_were_lost_and_coordinates_rounded_after
     assert smoothed_over(spectra) == window
 
 
+def test_a_filter_that_also_lacks_the_slowest_noise_is_found() -> None:
+    frequency = np.linspace(0.1, 30.0, 4000)
+    power = np.where(frequency < 5.0, 1e-4, np.where(frequency < 14.0, 1.0, 1e-3))
+    assert smoothed_over([Spectrum(frequency, power, 1 / RATE)]) >= round(2 * 3 * 0.187 / (14.5 / RATE))
+
+
 @pytest.mark.parametrize("value", [0.0, 1.0])
 def test_tracks_without_noise_are_not_smoothed(value: float) -> None:
     still = Spectrum(np.linspace(0.1, 30.0, 4000), np.full(4000, value), 1 / RATE)

@@ -79,7 +79,7 @@ def _low_passed(edges: Floats, levels: Floats) -> int:
     slow, fast = np.median(levels[:quarter]), np.median(levels[-quarter:])
     if slow < FALLS * fast:
         return 0
-    beyond = np.flatnonzero(levels < levels[:3].mean() / 4)
+    beyond = np.flatnonzero(levels < max(levels[:3].mean(), slow) / 4)
     return round(2 * 3 * 0.187 / float(edges[beyond[0] + 1]))
 
 
