@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -33,6 +34,8 @@ from evaluator.tracking.observation import UNLIKE
 from evaluator.wording import counted
 from evaluator.workflow.execution.precompile import precompile_tracker
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
+from evaluator.workflow.runs.job import spacing_note
+from simulator.mark_layout import Mark
 
 Fields = Literal["auto", "none", "top", "bottom"]
 
@@ -129,5 +132,16 @@ def track_recording(
         write_marks(marks, Path(output))
     readout = None if wanted.shutter_stated else of_common_readouts(marks, wanted.mark, recording.size_px[1])
     of_marks = repeated_note(marks), moved.note if moved else "", readout.note if readout else ""
-    notes = (*recording.report().notes, *filter(None, of_marks))
+    spacing = spacing_note(_distance_ratio(marks, geometry.layout)) if seen_by is not None else ()
+    notes = (*recording.report().notes, *filter(None, of_marks), *spacing)
     return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)
+
+
+def _distance_ratio(marks: pd.DataFrame, layout: Sequence[Mark]) -> float:
+    """Median distance of the first two marks of a robot on the plate over that of its file; NaN where unknown."""
+    if len(layout) < 2 or not all(f"{mark.name}_x_mm" in marks for mark in layout[:2]):
+        return math.nan
+    first, second = layout[:2]
+    apart = [marks[f"{first.name}_{axis}_mm"] - marks[f"{second.name}_{axis}_mm"] for axis in ("x", "y")]
+    stated = math.hypot(first.x_mm - second.x_mm, first.y_mm - second.y_mm)
+    return float((apart[0] ** 2 + apart[1] ** 2).median() ** 0.5) / stated if stated else math.nan

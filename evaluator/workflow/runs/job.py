@@ -162,6 +162,17 @@ def _of_a_rise(hidden_s: float) -> str:
     return f"; if the speed takes up to {hidden_s:.3f} s to change, which would not show, half of that is included"
 
 
+def spacing_note(ratio: float) -> Iterator[str]:
+    """Note on marks whose distance is not that of the robot file; ratio: of both."""
+    off = 100 * (ratio - 1)
+    if abs(off) > SPACING_PERCENT:
+        way = "farther apart" if off > 0 else "nearer"
+        yield (
+            f"the marks are {abs(off):.0f} % {way} than robot.toml says: either their positions there are off, or "
+            "every length is by as much (is the pitch of the gauge right, the height of the marks?)"
+        )
+
+
 def _spacing_notes(relative: float, over_stated: float) -> Iterator[str]:
     """Note on marks whose distance varies; relative, over_stated: of `Poses.spacing_scatter`."""
     if 100 * relative > VARIES_PERCENT and over_stated > VARIES_TIMES:
@@ -174,13 +185,7 @@ def _spacing_notes(relative: float, over_stated: float) -> Iterator[str]:
 
 def _notes(run: Run, tracked: dict[str, Any], turning: dict[str, Any]) -> Iterator[str]:
     """Peculiarities of a recording; truncation of a stream without an index is detected by its command log."""
-    off = 100 * (turning.get("mark_spacing_ratio", float("nan")) - 1)
-    if abs(off) > SPACING_PERCENT:
-        way = "farther apart" if off > 0 else "nearer"
-        yield (
-            f"the marks are {abs(off):.0f} % {way} than robot.toml says: either their positions there are off, or "
-            "every length is by as much (is the pitch of the gauge right, the height of the marks?)"
-        )
+    yield from spacing_note(turning.get("mark_spacing_ratio", float("nan")))
     yield from tracked.get("notes", ())
     if "late_s" in turning and turning["late_high_s"] - turning["late_low_s"] < LATE_S < abs(turning["late_s"]):
         yield (
