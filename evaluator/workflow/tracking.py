@@ -126,14 +126,21 @@ def track_recording(
             f"{missed}; state color, diameter_px and region_px in a tracking.toml (--settings); {where_to_look}"
         )
     moved = frames.found(marks, wanted.mark)
+    placing: list[str] = []
     if seen_by is not None:
-        marks = place_on_plate(marks, seen_by, geometry.height_mm if height_mm is None else height_mm)
+        above_mm = geometry.height_mm if height_mm is None else height_mm
+        marks = place_on_plate(marks, seen_by, above_mm)
+        placing += spacing_note(_distance_ratio(marks, geometry.layout))
+        if not marks[[f"{name}_x_mm" for name in wanted.mark]].notna().any(axis=None):
+            placing.append(
+                f"the camera does not see the plane {above_mm:g} mm above the plate, so that no mark is placed in mm: "
+                "is it the robot of this recording (--robot), and the height of its marks (--height-mm)?"
+            )
     if output is not None:
         write_marks(marks, Path(output))
     readout = None if wanted.shutter_stated else of_common_readouts(marks, wanted.mark, recording.size_px[1])
     of_marks = repeated_note(marks), moved.note if moved else "", readout.note if readout else ""
-    spacing = spacing_note(_distance_ratio(marks, geometry.layout)) if seen_by is not None else ()
-    notes = (*recording.report().notes, *filter(None, of_marks), *spacing)
+    notes = (*recording.report().notes, *filter(None, of_marks), *placing)
     return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)
 
 

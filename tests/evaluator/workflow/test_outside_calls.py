@@ -224,7 +224,13 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     monkeypatch.setattr(tracking, "read_with", lambda load, _: stated if load is tracking.load_settings else "camera")
     monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: "undistorted")
     monkeypatch.setattr(
-        tracking, "place_on_plate", lambda table, camera, height: placed.append((camera, height)) or table
+        tracking,
+        "place_on_plate",
+        lambda table, camera, height: (
+            placed.append((camera, height))
+            or table.assign(
+            green_x_mm=np.nan if height > 100 else 1.0, yellow_x_mm=np.nan, green_y_mm=np.nan, yellow_y_mm=np.nan
+        ),
     )
     monkeypatch.setattr(tracking, "write_marks", lambda table, path: written.append((len(table), path)))
     now = SimpleNamespace(changed=lambda: seen.get("changed", False))
@@ -255,6 +261,9 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
         options["height_mm"] = 9.0
         tracked()
         assert placed[1][1] == 9.0
+        options["height_mm"] = 390.0
+        told = tracked().notes[-1]
+        assert told.startswith("the camera does not see the plane 390 mm above the plate, so that no mark is placed")
 
 
 def test_scenes_are_answered_in_their_order_however_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
