@@ -223,15 +223,13 @@ def test_a_recording_without_any_mark_is_refused_with_the_reason(
     stated = TrackingSettings(readout_ms=0.0)
     monkeypatch.setattr(tracking, "read_with", lambda load, _: stated if load is tracking.load_settings else "camera")
     monkeypatch.setattr(tracking, "AsCalibrated", lambda *_: "undistorted")
-    monkeypatch.setattr(
-        tracking,
-        "place_on_plate",
-        lambda table, camera, height: (
-            placed.append((camera, height))
-            or table.assign(
-            green_x_mm=np.nan if height > 100 else 1.0, yellow_x_mm=np.nan, green_y_mm=np.nan, yellow_y_mm=np.nan
-        ),
-    )
+
+    def place(table: Any, camera: Any, height: float) -> Any:
+        placed.append((camera, height))
+        nowhere = dict.fromkeys(("yellow_x_mm", "green_y_mm", "yellow_y_mm"), np.nan)
+        return table.assign(green_x_mm=np.nan if height > 100 else 1.0, **nowhere)
+
+    monkeypatch.setattr(tracking, "place_on_plate", place)
     monkeypatch.setattr(tracking, "write_marks", lambda table, path: written.append((len(table), path)))
     now = SimpleNamespace(changed=lambda: seen.get("changed", False))
     monkeypatch.setattr(tracking, "AsFound", SimpleNamespace(of=lambda _: now))
