@@ -11,17 +11,8 @@ import click
 
 # Parameters that name files to write, of all commands; the others name what is read.
 WRITTEN = (
-    "out",
-    "output",
-    "overlay",
-    "sheet",
-    "explain",
-    "annotate",
-    "phases",
-    "truth",
-    "watch_image",
-    "html",
-    "write_effect",
+    *("out", "output", "overlay", "sheet", "explain", "annotate"),
+    *("phases", "truth", "html", "watch_image", "write_effect"),
 )
 
 

@@ -29,7 +29,10 @@ WIDEST = 3.0  # distance of wheel centres over the larger side of the body: nine
 def doubts_of_robots(experiment: Experiment) -> Iterator[str]:
     """Values of robot files that seem to be in another unit, and supports without load, of robots with a body."""
     for name, robot in _robots(experiment):
-        yield from (f"{name}: {doubt}" for doubt in (*implausible_values(robot), *unloaded_wheels(robot)))
+        yield from (
+            f"{name}: {doubt}"
+            for doubt in (*implausible_values(robot), *unloaded_wheels(robot), *vague_tolerances(robot))
+        )
 
 
 def refuse_implausible(experiment: Experiment) -> None:
@@ -62,9 +65,6 @@ def implausible_values(robot: Robot) -> Iterator[str]:
     for name in ("longitudinal_friction", "lateral_friction"):
         if not SMOOTHEST < (friction := getattr(robot.slip, name)) < ROUGHEST:
             yield f"slip.{name} = {friction:g}; wheels have {SMOOTHEST:g} to {ROUGHEST:g}: is a decimal point wrong?"
-    for key, vague in robot.tolerance.items():
-        if vague > VAGUEST:
-            yield f"tolerance of {key} = {vague:g}, which is {100 * vague:g} %; is it given in percent? It is a share"
     if max(robot.extent_mm) > WIDEST * max(body.length_mm, body.width_mm):
         apart = " x ".join(f"{extent:g}" for extent in robot.extent_mm)
         yield f"wheel centres {apart} mm apart, of a body of {box} mm; is one of the sizes in another unit?"
@@ -94,3 +94,10 @@ def unloaded_wheels(robot: Robot) -> Iterator[str]:
     if lifted:
         verb = "carries" if len(lifted) == 1 else "carry"
         yield f"{', '.join(lifted)} {verb} no load; are the centre of gravity and the places of the wheels right?"
+
+
+def vague_tolerances(robot: Robot) -> Iterator[str]:
+    """Sentences about tolerances that are larger than their values."""
+    for key, share in robot.tolerance.items():
+        if share > VAGUEST:
+            yield f"tolerance of {key} = {share:g}, which is {100 * share:g} %; is it given in percent? It is a share"
