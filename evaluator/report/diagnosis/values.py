@@ -23,11 +23,23 @@ OF_SPEED = {
 
 
 def parameters(effect: Json) -> dict[str, tuple[str, str]]:
-    """Words and units of the parameters of an effect, by name; a single coefficient is the size of what has a name."""
+    """Words and units of the parameters of an effect, by name; a single coefficient is the size of what has a name.
+
+    Several coefficients of a free-form term are told without the words that all have in common, which its name has.
+    """
     found = {name: parameter(name, effect["id"]) for name in effect["parameters"]}
-    if effect["id"] == "free-form" and len(found) == 1:
+    if effect["id"] != "free-form":
+        return found
+    if len(found) == 1:
         return {name: ("size", unit) for name, (_, unit) in found.items()}
-    return found
+    said = [words.split() for words, _ in found.values()]
+    beside = zip(*said, strict=False)
+    shared = next((place for place, words in enumerate(beside) if len(set(words)) > 1), min(map(len, said), default=0))
+    shared *= shared > 1  # an article says nothing
+    return {
+        name: (" ".join(words[shared:]) or "size", unit)
+        for (name, (_, unit)), words in zip(found.items(), said, strict=True)
+    }
 
 
 def parameter(name: str, effect_id: str = "") -> tuple[str, str]:

@@ -225,6 +225,8 @@ def test_every_parameter_of_every_effect_has_words_and_no_underscore() -> None:
     assert parameter("moment.moon_phase") == ("moment moon phase", "")
     several = {"id": "free-form", "parameters": {"moment.u_abs_u": {}, "speed.cos_heading.driving": {}}}
     assert [each for each, _ in parameters(several).values()] == [squared, words]
+    waves = {"id": "free-form", "parameters": {"moment.cos_heading": {}, "moment.sin_heading": {}}}
+    assert [each for each, _ in parameters(waves).values()] == ["cosine of heading", "sine of heading"]
     del several["parameters"]["speed.cos_heading.driving"]  # what its name says already
     assert parameters(several) == {"moment.u_abs_u": ("size", "µN·mm/(mm/s)²")}
 
