@@ -6,7 +6,7 @@ frequency is fitted beside a slow course; of random residuals, a walk or noise, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,16 +61,16 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
 def is_of_robot(problem: Problem, point: Point, beat: Dependence) -> bool:
     """Whether an oscillation at a point of a model is the robot's, and not that of a camera or a plate that shakes."""
     times, ways, across = _ways(problem, point)
-    frequency = beat.sizes[0][0]
-    along = ways["along_mm_s"]
-    moved, aside = (_squares(times, part, [frequency])[0][0] for part in (along, across))
+    frequency, along = beat.sizes[0][0], ways["along_mm_s"]
+    beats = np.array([frequency])
+    moved, aside = (_squares(times, part, beats)[0][0] for part in (along, across))
     if beat.quantity == "along_mm_s" and moved < ALONG**2 * aside:
         return False
     rest_times, rest = _at_rest(problem, LEAST_PERIODS / frequency)
     if not rest_times:
         return True
     driven, resting = (
-        sum(_squares(when, part, [frequency])[0][0] for part in parts) / sum(map(len, when))
+        sum(_squares(when, part, beats)[0][0] for part in parts) / sum(map(len, when))
         for when, parts in ((times, (along, across)), (rest_times, rest))
     )
     return bool(resting < AT_REST**2 * driven)
@@ -121,17 +121,28 @@ def _strongest(times: Sequence[Floats], ways: Sequence[Floats]) -> tuple[float, 
     return frequency, float(explained[best]) / max(whole, 1e-300), amplitude
 
 
-def _squares(times: Sequence[Floats], ways: Sequence[Floats], frequencies: Iterable[float]) -> tuple[Floats, float]:
-    """Squares that a sine of each frequency, Hz, explains in ways beside a slow course, and all squares beside that."""
-    every = list(frequencies)
-    explained, whole = np.zeros(len(every)), 0.0
+def _squares(times: Sequence[Floats], ways: Sequence[Floats], frequencies: Floats) -> tuple[Floats, float]:
+    """Squares that a sine of each frequency, Hz, explains in ways beside a slow course, and all squares beside that.
+
+    frequencies: evenly spaced, so that each wave is the one before times another.
+    """
+    spacing = frequencies[1] - frequencies[0] if len(frequencies) > 1 else 0.0
+    explained, whole = np.zeros(len(frequencies)), 0.0
     for time, way in zip(times, ways, strict=True):
         slow = np.linalg.qr(np.vander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, SLOW + 1))[0]
         rest = way - slow @ (slow.T @ way)
         whole += float(rest @ rest)
-        for k, frequency in enumerate(every):
-            angle = 2 * np.pi * frequency * time
-            waves = np.column_stack([np.cos(angle), np.sin(angle)])
-            basis = np.linalg.qr(waves - slow @ (slow.T @ waves))[0]
-            explained[k] += float(np.square(basis.T @ rest).sum())
+        wave, turn = (np.exp(2j * np.pi * frequency * time) for frequency in (frequencies[0], spacing))
+        course = slow.astype(np.complex128)
+        for k in range(len(frequencies)):
+            explained[k] += _explained(wave - course @ (course.T @ wave), rest)
+            wave *= turn
     return explained, whole
+
+
+def _explained(wave: NDArray[np.complex128], rest: Floats) -> float:
+    """Squares of a rest (n,) that its least squares by the real and the imaginary part of a wave (n,) explain."""
+    size, square, along = float(np.vdot(wave, wave).real), complex(wave @ wave), complex(rest @ wave)
+    cosine, sine, both = (size + square.real) / 2, (size - square.real) / 2, square.imag / 2
+    told = sine * along.real**2 - 2 * both * along.real * along.imag + cosine * along.imag**2
+    return told / (cosine * sine - both**2)
