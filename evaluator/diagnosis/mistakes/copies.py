@@ -21,6 +21,7 @@ FEWEST_UNITS = 20  # of rounding that a run moves by at least: of coarser values
 # Frames of a rounded copy that agree to half a unit, but for those that are outliers in one of them only. Another run
 # that is off by a hundredth of the unit misses two of a hundred frames in four coordinates.
 SAME_SHARE, ROUNDING = 0.99, 1e-6
+SAME_UNIT = 0.01  # relative difference of two units of rounding up to which they are one
 
 
 def copies(data: Sequence[RunData]) -> list[Found]:
@@ -93,15 +94,17 @@ def _rounded(runs: Sequence[RunData]) -> coo_array:
     for places in of_length.values():
         if len(places) < 2:
             continue
-        middles = np.array([np.nanmedian(runs[place].marks_mm, axis=0) for place in places])
         units = [rounding_mm(_seen(runs[place])) for place in places]
+        if max(units) - min(units) <= SAME_UNIT * min(units):  # in one unit, copies agree to the last digit
+            continue
+        middles = np.array([np.nanmedian(runs[place].marks_mm, axis=0) for place in places])
         # half a unit in each of four coordinates, and what frames that differ may shift a median by
         way_mm = float(np.median([np.ptp(_seen(runs[place]), axis=0).max() for place in places]))
         near = cKDTree(middles).query_pairs(max(units) + (1 - SAME_SHARE) * way_mm)
         pairs += [
             (places[i], places[k])
             for i, k in near
-            if abs(units[i] - units[k]) > 0.01 * units[i]  # in one unit, copies agree to the last digit
+            if abs(units[i] - units[k]) > SAME_UNIT * units[i]
             and (
                 _is_rounded(runs[places[i]], runs[places[k]], units[k])
                 or _is_rounded(runs[places[k]], runs[places[i]], units[i])

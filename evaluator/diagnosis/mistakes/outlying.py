@@ -93,7 +93,8 @@ def outlying_run(
         seen += _of_wheels(faster)
         remedy, equivalent = f"{remedy}; or {REMEDIES['wrong-command']}", (*equivalent, "wrong-command")
     corrections = {run.id: reading.correction} if reading.correction else {}
-    return Mistake((run.id,), reading.kind, f"{alone}: it {seen}; {remedy}", False, equivalent, corrections)
+    sentence = f"{alone}: it {seen}; {remedy}"
+    return Mistake((run.id,), reading.kind, sentence, equivalent_kinds=equivalent, corrections=corrections)
 
 
 def _has_speeds(reading: Found, run: RunData, gains: tuple[float, float]) -> bool:

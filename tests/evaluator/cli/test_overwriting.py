@@ -11,7 +11,7 @@ import pytest
 from evaluator.cli.group import COMMANDS, turnscope
 from evaluator.cli.overwriting import WRITTEN
 from evaluator.errors import InputError
-from evaluator.workflow import analyze, diagnose, export
+from evaluator.workflow import Outputs, analyze, diagnose, export
 from evaluator.workflow.analysis import measure
 from tests.evaluator.cli.called import run
 
@@ -110,6 +110,16 @@ def test_results_beside_the_experiment_do_not_replace_its_marks(place: str, tmp_
         assert marks.read_bytes() == content
     analyze(experiment, tmp_path / "out", workers=1)
     assert marks.read_bytes() == content
+
+
+def test_all_that_is_written_is_known_as_what_may_replace_an_input(tmp_path: Path) -> None:
+    experiment, _, _ = given_in("given.csv", tmp_path)
+    export(experiment, tmp_path / "out", workers=1)
+    outputs = Outputs(tmp_path / "out")
+    known = {*outputs.of_analysis(["r01"]), *outputs.of_export(["r01"])}
+    written = {path for path in (tmp_path / "out").rglob("*") if path.is_file()}
+    assert outputs.netcdf("r01") in written
+    assert written <= known
 
 
 def test_a_link_to_the_marks_is_no_other_place(tmp_path: Path) -> None:
