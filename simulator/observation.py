@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from simulator.effects import free_form
 from simulator.effects.catalogue import EFFECTS, effect_values
 from simulator.effects.view import View
@@ -24,10 +27,15 @@ def marks_of_run(robot: Robot, run: Run) -> pd.DataFrame:
 
     view = view_of(robot)
     columns = {"time_s": run.time_s * view.time_factor}
-    seen = view.marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
-    for name, place in zip(robot.points_mm, seen, strict=True):
+    for name, place in zip(robot.points_mm, seen_of_run(view, run), strict=True):
         columns |= {f"{name}_x_mm": place[:, 0], f"{name}_y_mm": place[:, 1]}
     return pd.DataFrame(columns)
+
+
+def seen_of_run(view: View, run: Run) -> tuple[NDArray[np.float64], ...]:
+    """Measured points (n, 2) of a run, mm, in the order of view.places_mm."""
+    states = run.x_mm, run.y_mm, run.heading_rad, run.u_mm_s, run.v_mm_s, run.yaw_rate_rad_s
+    return view.marks_of_path(np.column_stack(states), run.time_s)
 
 
 def view_of(robot: Robot, places_mm: Sequence[tuple[float, float]] | None = None) -> View:

@@ -25,6 +25,7 @@ UNITS = {
     "deg/mN": Unit("deg_per_mN", "°/mN", 0, -1),
     "mN·s/mm": Unit("mN_s_mm", "mN·s/mm", -1, 1),
     "µN·mm·s": Unit("uN_mm_s", "µN·mm·s", 1, 1),
+    "ms/mm": Unit("ms_per_mm", "ms/mm", -1),
     "mN/mm": Unit("mN_mm", "mN/mm", -1, 1),
     "1/run": Unit("per_run", "per run"),
     "1/mm": Unit("per_mm", "per mm", -1),

@@ -70,6 +70,10 @@ def set_stage(scene: Scene) -> Stage:
         raise SimulationError(
             "a camera error that drifts with time cannot be rendered; leave that effect out of the scene"
         )
+    if view.rolls:
+        raise SimulationError(
+            "a rendered camera exposes all rows of a frame at once; leave the effect rolling-shutter out of the scene"
+        )
     plan = tuple(shots(scene, np.random.default_rng([scene.seed, 1]), Fraction(str(view.time_factor))))
     middle = np.array([float(shot.time_s) for shot in plan])
     times = middle[:, None] + np.array([-0.5, 0.0, 0.5]) * scene.exposure.time_s

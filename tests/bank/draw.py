@@ -48,9 +48,10 @@ SIZES: dict[str, dict[str, tuple[float, float]]] = {
     "plane-scale": {"factor": (0.005, 0.04)},
     "time-base": {"factor": (0.01, 0.05)},
     "camera-tilt": {"per_mm_x": (2e-4, 1.5e-3), "per_mm_y": (2e-4, 1.5e-3)},
+    "rolling-shutter": {"x_ms_per_mm": (0.1, 0.6), "y_ms_per_mm": (0.1, 0.6)},
 }
 SIGNED = {"per_run", "x_mm", "y_mm", "left_deg", "right_deg", "deg_per_mN", "x_mN", "y_mN", "anchor_x_mm",
-          "anchor_y_mm", "per_mm_x", "per_mm_y", "angle_deg"}  # fmt: skip
+          "anchor_y_mm", "per_mm_x", "per_mm_y", "angle_deg", "x_ms_per_mm", "y_ms_per_mm"}  # fmt: skip
 COMMANDS = [(30, 30), (60, 60), (-30, -30), (-60, -60), (33.3, 14.4), (14.4, 33.3), (-33.3, -14.4), (-14.4, -33.3),
             (60, 40), (40, 60), (-60, -40), (-40, -60)]  # fmt: skip
 PROPOSED_START_S = 0.5

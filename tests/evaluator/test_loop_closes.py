@@ -50,6 +50,7 @@ SIZES: dict[str, dict[str, float]] = {
     "plane-scale": {"factor": 1.03},
     "time-base": {"factor": 1.03},
     "camera-tilt": {"per_mm_x": 1.2e-3, "per_mm_y": -1e-3},
+    "rolling-shutter": {"x_ms_per_mm": -4.0, "y_ms_per_mm": 3.0},  # seen late: else the robot moves before its start
 }
 OPPOSITE = {
     "drive-speed-mismatch": {"left_over_right": 0.96},
@@ -67,6 +68,7 @@ OPPOSITE = {
     "plane-scale": {"factor": 0.97},
     "time-base": {"factor": 0.97},
     "camera-tilt": {"per_mm_x": -1.2e-3, "per_mm_y": 1e-3},
+    "rolling-shutter": {"x_ms_per_mm": 4.0, "y_ms_per_mm": -3.0},
 }
 COMMANDS = [(33.3, 14.4), (14.4, -33.3)]
 START_S, RUN_INDEX = 0.5, 3

@@ -15,11 +15,14 @@ from tests.laboratory.reference import Array, FrictionFactor, Now, Pull, Robot, 
 
 LENS = tuple((i, j) for i in range(4) for j in range(4) if 2 <= i + j <= 3)  # powers of x and y: bent and cubic
 LENS_MM = 45.0  # from the middle of the plate to where they are 1
+SETTLED = 6  # rounds in which a mark and the row that sees it agree: each leaves a hundredth of the difference
 
 
 @dataclass(frozen=True)
 class View:
     """What the camera and the clock make of marks: factors of time and length, keystone per mm, marks of the robot.
+
+    rows_s_per_mm: time at which the rows of a frame are exposed, per mm along x and y.
 
     lens_mm: errors of place that a calibration left, rows x and y, at the powers LENS of the place in LENS_MM.
     """
@@ -27,6 +30,7 @@ class View:
     time_factor: float = 1.0
     scale: float = 1.0
     keystone_per_mm: tuple[float, float] = (0.0, 0.0)
+    rows_s_per_mm: tuple[float, float] = (0.0, 0.0)
     mark_shift_mm: tuple[float, float] = (0.0, 0.0)
     mark_turn_rad: float = 0.0
     lens_mm: Array = field(default_factory=lambda: np.zeros((2, len(LENS))))
@@ -48,6 +52,19 @@ class View:
             powers = [(place[0] / LENS_MM) ** i * (place[1] / LENS_MM) ** j for i, j in LENS]
             seen += list(place + np.tensordot(self.lens_mm, np.stack(powers), axes=1))
         return np.stack(seen)
+
+    def filmed_mm(self, robot: Robot, pose_at: Callable[[Array], Array], since_s: Array) -> Array:
+        """Marks as in marks_mm, each at the moment when its own row is exposed; pose_at gives poses at times."""
+        seen = self.marks_mm(robot, pose_at(since_s))
+        if not any(self.rows_s_per_mm):
+            return seen
+        for _ in range(SETTLED):
+            x_delay, y_delay = self.rows_s_per_mm
+            late = x_delay * seen[::2] + y_delay * seen[1::2]
+            seen = np.concatenate(
+                [self.marks_mm(robot, pose_at(since_s + late[k]))[2 * k : 2 * k + 2] for k in range(len(late))]
+            )
+        return seen
 
 
 def _with_command(world: World, change: Callable[[Array], Array]) -> World:
@@ -234,6 +251,11 @@ def camera_tilt(view: View, per_mm_x: float, per_mm_y: float) -> View:
     return replace(view, keystone_per_mm=(per_mm_x, per_mm_y))
 
 
+def rolling_shutter(view: View, x_ms_per_mm: float, y_ms_per_mm: float) -> View:
+    """Rows of a frame are exposed one after another; the row through the origin at the time of the frame."""
+    return replace(view, rows_s_per_mm=(x_ms_per_mm / 1000, y_ms_per_mm / 1000))
+
+
 PHYSICAL = {
     law.__name__.replace("_", "-"): law
     for law in (
@@ -261,7 +283,9 @@ PHYSICAL = {
         stray_magnet,
     )
 }
-SEEN = {law.__name__.replace("_", "-"): law for law in (mark_offset, plane_scale, time_base, camera_tilt)}
+SEEN = {
+    law.__name__.replace("_", "-"): law for law in (mark_offset, plane_scale, time_base, camera_tilt, rolling_shutter)
+}
 
 
 def add_effect(world: World, view: View, effect: str, parameters: Mapping[str, float]) -> tuple[World, View]:

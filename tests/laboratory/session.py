@@ -110,11 +110,13 @@ def true_marks(session: Session) -> list[tuple[Array, Array]]:
     for run in range(session.runs):
         times = frame_times_s(session, run)
         since = (times - session.start_s[run]) / session.view.time_factor - session.late_s[run] + ideal
-        pose = driven.pose_at(run, since)
-        if run in session.pushes:
-            pose = _pushed(pose, since, session.pushes[run])
+
+        def pose_at(since: Array, run: int = run) -> Array:
+            pose = driven.pose_at(run, since)
+            return _pushed(pose, since, session.pushes[run]) if run in session.pushes else pose
+
         robot = session.robots.get(run, session.world.robot)
-        result.append((times, session.view.marks_mm(robot, pose)))
+        result.append((times, session.view.filmed_mm(robot, pose_at, since)))
     return result
 
 

@@ -77,6 +77,7 @@ def at_size(effect: str, session: Session, rng: np.random.Generator) -> AtSize:
         "plane-scale": lambda: _factor(rng, "factor", 0.12),
         "time-base": lambda: _factor(rng, "factor", 0.12),
         "camera-tilt": lambda: _ring(rng, "per_mm_x", "per_mm_y", 0.003),
+        "rolling-shutter": lambda: _ring(rng, "x_ms_per_mm", "y_ms_per_mm", 1.0),
     }
     return table[effect]()
 

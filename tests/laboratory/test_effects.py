@@ -140,6 +140,18 @@ def test_marks_are_seen_where_the_definitions_put_them() -> None:
     assert green("camera-tilt", per_mm_x=0.001, per_mm_y=0.0)[0] == pytest.approx(8 * 1.008, rel=1e-3)
 
 
+def test_rows_that_are_exposed_later_show_the_robot_further_on() -> None:
+    """20 mm from the origin along y at 10 mm/s along x; a mark that moves along y is met a hundredth later."""
+    _, view = add_effect(World(), View(), "rolling-shutter", {"x_ms_per_mm": 0.0, "y_ms_per_mm": 1.0})
+    robot, since = Robot(green_mm=(0.0, 0.0), yellow_mm=(0.0, -20.0)), np.array([0.0, 1.0])
+
+    def along(x: float, y: float) -> Array:
+        return view.filmed_mm(robot, lambda t: np.stack([x * t, 20 + y * t, 0 * t]), since)
+
+    assert along(10.0, 0.0) == pytest.approx(np.array([[0.2, 10.2], [20, 20], [0, 10], [0, 0]]))
+    assert along(0.0, 10.0)[1, 0] == pytest.approx(20 / 0.99)
+
+
 @pytest.mark.parametrize("kind", outside.KINDS)
 def test_outside_physics_moves_the_robot(kind: str) -> None:
     world = outside.KINDS[kind](World(), 1.0, 0.7)
@@ -149,4 +161,4 @@ def test_outside_physics_moves_the_robot(kind: str) -> None:
 
 
 def test_every_effect_of_the_contract_is_there() -> None:
-    assert len(PHYSICAL) + len(SEEN) == 26
+    assert len(PHYSICAL) + len(SEEN) == 27

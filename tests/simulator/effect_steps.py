@@ -36,4 +36,5 @@ MOVED = {
     "plane-scale": (115,),
     "time-base": (87.5,),
     "camera-tilt": (6.48, 7.39, 4.08),
+    "rolling-shutter": (2.06, 2.14),
 }

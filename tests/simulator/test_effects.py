@@ -54,6 +54,7 @@ CONTRACT = {
     "plane-scale": "factor",
     "time-base": "factor",
     "camera-tilt": "per_mm_x per_mm_y perspective",
+    "rolling-shutter": "x_ms_per_mm y_ms_per_mm",
 }
 
 

@@ -44,6 +44,7 @@ DRAWN = {
     "plane-scale": (1.1,),
     "time-base": (1.1,),
     "camera-tilt": (0.01, 0.01, 1.0),
+    "rolling-shutter": (8.0, 8.0),
 }
 
 

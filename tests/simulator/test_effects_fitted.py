@@ -89,6 +89,7 @@ def test_an_entry_may_not_say_less_than_nothing() -> None:
 BOUNDS = {
     "axle-compliance": [(-20, 20)],
     "camera-tilt": [(-0.02, 0.02)] * 2 + [(0, 1)],  # of a camera 50 mm away; from a linear change to a homography
+    "rolling-shutter": [(-10, 10)] * 2,
     "drive-speed-mismatch": [(0.5, 2)],  # beyond half and twice, a length, a time or a gear is another one
     "drive-speed-scale": [(0.5, 2)],
     "plane-scale": [(0.5, 2)],

@@ -15,6 +15,7 @@ from simulator.observation import marks_of_run, view_of
 from simulator.robot import Robot, load_robot
 from tests.simulator.effect_probe import affected, marks
 
+STATE = ("x_mm", "y_mm", "heading_rad", "u_mm_s", "v_mm_s", "yaw_rate_rad_s")
 GREEN, YELLOW = np.array([-1.55, 1.83]), np.array([-1.55, -1.83])
 
 
@@ -44,7 +45,7 @@ def test_plane_scale_stretches_about_the_origin(barrel: Robot) -> None:
     assert marks(robot, (10.0, -5.0, 0.0)) == pytest.approx(1.1 * (np.array([10.0, -5.0]) + np.array([GREEN, YELLOW])))
 
 
-def test_two_scales_multiply_and_two_keystones_add(barrel: Robot) -> None:
+def test_two_scales_multiply_and_two_keystones_and_delays_add(barrel: Robot) -> None:
     from simulator.effects.catalogue import EFFECTS
 
     view = View(tuple(mark.place_mm for mark in barrel.layout))
@@ -55,12 +56,15 @@ def test_two_scales_multiply_and_two_keystones_add(barrel: Robot) -> None:
         ("camera-tilt", {"per_mm_x": 0.02, "per_mm_y": 0.05}),
         ("time-base", {"factor": 1.1}),
         ("time-base", {"factor": 0.5}),
+        ("rolling-shutter", {"x_ms_per_mm": 1.0, "y_ms_per_mm": -2.0}),
+        ("rolling-shutter", {"x_ms_per_mm": 2.0, "y_ms_per_mm": 0.5}),
     ):
         see = EFFECTS[id_].view
         assert see is not None
         see(view, values)
     assert (view.scale, view.time_factor) == pytest.approx((1.32, 0.55))
     assert view.keystone_per_mm == pytest.approx((0.03, 0.03))
+    assert view.delay_s_per_mm == pytest.approx((0.003, -0.0015))
 
 
 @pytest.mark.parametrize(
@@ -90,10 +94,55 @@ def test_time_base_multiplies_measured_times(barrel: Robot) -> None:
 
 def test_measured_times_are_the_factor_times_the_true_ones_and_places_stay(barrel: Robot) -> None:
     times = np.array([0.0, 0.5, 2.0])
-    still: Any = SimpleNamespace(time_s=times, x_mm=np.zeros(3), y_mm=np.zeros(3), heading_rad=np.zeros(3))
+    still: Any = SimpleNamespace(time_s=times, **dict.fromkeys(STATE, np.zeros(3)))
     seen = marks_of_run(affected(barrel, "time-base", factor=1.25), still)
     assert seen["time_s"].tolist() == [0.0, 0.625, 2.5]
     assert seen["green_x_mm"].tolist() == pytest.approx([GREEN[0]] * 3)
+
+
+@pytest.mark.parametrize(
+    ("x_ms", "y_ms", "time_s"), [(1.0, 0.0, 0.02 / 0.99), (0.0, -2.0, 0.04), (3.0, 1.0, 0.04 / 0.97)]
+)
+def test_a_mark_is_seen_when_its_row_is_exposed(x_ms: float, y_ms: float, time_s: float) -> None:
+    """A mark at (20, -20) that moves along x by 10 mm/s: t = x_ms (20 + 10 t) / 1000 - 20 y_ms / 1000."""
+    view = View(((0.0, 0.0),), delay_s_per_mm=(x_ms / 1000, y_ms / 1000))
+    (seen,) = view.marks_of_path(np.array([[20.0, -20.0, 0.0, 10.0, 0.0, 0.0]]), np.zeros(1))
+    assert seen[0] == pytest.approx([20 + 10 * time_s, -20], abs=1e-4)
+    (seen,) = view.marks_of_path(np.array([[20.0, -20.0, 0.0, 0.0, 0.0, 0.0]]), np.zeros(1))
+    assert seen[0].tolist() == [20, -20]  # at rest every row shows the same
+
+
+def test_in_a_turn_marks_are_seen_further_along_their_circles() -> None:
+    """A body that slides sideways turns about the origin, (2, 9.5) of its frame, under a camera that magnifies."""
+    view = View((tuple(GREEN), tuple(YELLOW)), scale=1.1, delay_s_per_mm=(0.002, -0.0015))
+    angle, twist = np.linspace(0, 2 * math.pi, 7), (19.0, -4.0, 2.0)
+
+    def pose(turned: np.ndarray) -> tuple[np.ndarray, ...]:
+        cos, sin = np.cos(turned), np.sin(turned)
+        return 9.5 * sin - 2 * cos, -2 * sin - 9.5 * cos, turned
+
+    states = np.column_stack([*pose(angle), *np.tile(twist, (len(angle), 1)).T])
+    for number, seen in enumerate(view.marks_of_path(states, angle / 2)):
+        late_s = seen @ view.delay_s_per_mm
+        assert np.ptp(late_s) > 0.03
+        there = view.marks(*pose(angle + 2 * late_s))[number]
+        assert seen == pytest.approx(there, abs=1e-4)
+
+
+@pytest.mark.parametrize("y_mm", [30.0, -30.0])
+def test_a_jump_of_the_speed_is_seen_when_it_happens(y_mm: float) -> None:
+    """A robot at (0, y) starts along x with 10 mm/s at 0.107 s, between two frames, and stops at 0.301 s."""
+    view = View(((0.0, 0.0),), delay_s_per_mm=(0.0, 0.001))
+    times = np.arange(0, 0.5, 1 / 60)
+    moving = (times > 0.107) & (times < 0.301)
+    zeros = np.zeros_like(times)
+    states = np.column_stack([_way(times), zeros + y_mm, zeros, 10.0 * moving, zeros, zeros])
+    (seen,) = view.marks_of_path(states, times)
+    assert seen[:, 0] == pytest.approx(_way(times + y_mm / 1000), abs=1e-9)
+
+
+def _way(time_s: np.ndarray) -> np.ndarray:
+    return 10 * (np.clip(time_s, 0.107, 0.301) - 0.107)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ VALUES: dict[str, Values] = {
     "dead-band": {"rpm": 30.0},
     "speed-limit": {"wheel_rpm": 35.0, "ahead_rpm": 25.0, "turn_rpm": 6.0},
     "camera-tilt": {"per_mm_x": 0.004, "per_mm_y": -0.003, "perspective": 1.0},
+    "rolling-shutter": {"x_ms_per_mm": 4.0, "y_ms_per_mm": -3.0},
     "command-lag": {"dead_time_s": 0.1, "time_constant_s": 0.2},
     "acceleration-limit": {"ahead_rpm_s": 60.0, "turn_rpm_s": 25.0},
 }
@@ -62,6 +63,7 @@ MIRRORED: dict[str, Callable[[Values], Values]] = {
     "stray-magnet": negated("y_mm"),
     "mark-offset": negated("y_mm", "angle_deg"),
     "camera-tilt": negated("per_mm_y"),
+    "rolling-shutter": negated("y_ms_per_mm"),
 }
 ANGLE_DEG = 35.0
 
@@ -85,6 +87,7 @@ TURNED: dict[str, Callable[[Values], Values]] = {
     "stray-magnet": turned_vector("x_mm", "y_mm"),
     "friction-gradient": turned_vector("per_mm_x", "per_mm_y"),
     "camera-tilt": turned_vector("per_mm_x", "per_mm_y"),
+    "rolling-shutter": turned_vector("x_ms_per_mm", "y_ms_per_mm"),
 }
 
 

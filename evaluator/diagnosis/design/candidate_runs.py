@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evaluator.robot_geometry import reference_places
 from simulator.command import Command
 from simulator.errors import SimulationError
-from simulator.observation import view_of
+from simulator.observation import seen_of_run, view_of
 from simulator.robot import Robot
 from simulator.simulation import simulate
 
@@ -132,5 +132,4 @@ def _path(robot: Robot, command: tuple[float, float]) -> Floats | None:
         return None
     if run.is_by_chance:
         return None
-    seen = view_of(robot, reference_places(robot)).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
-    return np.concatenate(seen, axis=1)
+    return np.concatenate(seen_of_run(view_of(robot, reference_places(robot)), run), axis=1)

@@ -38,8 +38,7 @@ class Sight:
             return marks
         states = laid(path, begin, start)
         seen = replace(view, places_mm=(places[:2], places[2:]))
-        x_mm, y_mm, heading = states[:, :3].T
-        np.concatenate(seen.marks(x_mm, y_mm, heading, times_s), axis=1, out=marks)
+        np.concatenate(seen.marks_of_path(states, times_s), axis=1, out=marks)
         marks *= self.scale
         return marks + self.shift_mm if len(self.shift_mm) else marks
 

@@ -128,6 +128,7 @@ MEASUREMENTS = {
     "mass-offset": "balance the robot on an edge",
     "plane-scale": "film a known length on the plate",
     "plate-tilt": "put a level on the plate",
+    "rolling-shutter": "film with a camera that exposes all rows at once, or state readout_ms in tracking.toml",
     "tether-pull": "drive with the wires held loose",
     "tether-spring": "drive with the wires held loose",
     "time-base": "film a clock",

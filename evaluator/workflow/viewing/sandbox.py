@@ -18,7 +18,7 @@ from simulator.command import Command
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 from simulator.effects.free_form import ID as FREE_FORM
 from simulator.effects.parameter import UNITS, Parameter
-from simulator.observation import view_of
+from simulator.observation import seen_of_run, view_of
 from simulator.own_effects.files import load_beside
 from simulator.robot import Robot, load_robot, shipped_robot_text, shipped_robots
 from simulator.run import Run
@@ -144,7 +144,7 @@ def _motion(robot: Robot, left: float, right: float, times: np.ndarray) -> dict[
 
 def _seen(robot: Robot, run: Run) -> tuple[Array, Array]:
     """Measured position of the centre, which errors of the observed marks displace like a point of the robot."""
-    (place,) = view_of(robot, [(0.0, 0.0)]).marks(run.x_mm, run.y_mm, run.heading_rad, run.time_s)
+    (place,) = seen_of_run(view_of(robot, [(0.0, 0.0)]), run)
     return place[:, 0], place[:, 1]
 
 

@@ -137,7 +137,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Marks of a planned circular test, with noise and scatter of the motors from run to run."""
     folder, rng, robot = tmp_path_factory.mktemp("circular"), np.random.default_rng(4), load_robot("barrel")
     lines = ["format = 1", 'name = "circular"', 'robot = "barrel"']
-    runs = circular_runs(robot, rpm=(30.0, 45.0, 60.0), ratios=(0.5,), repetitions=2)
+    runs = circular_runs(robot, rpm=(30.0, 45.0, 60.0), ratios=(0.5,), repetitions=1)
     times = np.arange(0, 4, 1 / 30)
     for number, run in enumerate(runs):
         gains = 1 + 0.002 * rng.normal(size=2)

@@ -90,6 +90,21 @@ def test_odd_sizes_and_wrong_endings_are_refused_with_a_remedy(tmp_path: Path) -
         render_clip(scene(encoding={"codec": "lossless"}), tmp_path / "clip.avi")
 
 
+@pytest.mark.parametrize(
+    ("effect", "why"),
+    [
+        ({"id": "rolling-shutter", "y_ms_per_mm": 0.3}, "exposes all rows of a frame at once"),
+        (
+            {"id": "free-form", "channel": "camera_x", "basis": "time", "coefficient": 0.01},
+            "drifts with time cannot be rendered",
+        ),
+    ],
+)
+def test_errors_of_a_camera_that_are_not_drawn_are_refused(effect: dict[str, object], why: str) -> None:
+    with pytest.raises(SimulationError, match=why):
+        set_stage(scene(effect=[effect]))
+
+
 def test_poses_of_an_exposure_lie_on_the_parabola_through_its_beginning_middle_and_end() -> None:
     """From the middle of its first part to that of its last one: marks are smeared as far as they move."""
     stage = set_stage(scene())
