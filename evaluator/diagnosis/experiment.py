@@ -22,7 +22,7 @@ from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors,
 from evaluator.diagnosis.long_sessions import LONGEST_S, NOT_NEEDED, PIECE_S, needed_runs, pieces_of
 from evaluator.diagnosis.mistakes.frame_times import wrong_seconds
 from evaluator.diagnosis.mistakes.recognise import recognise
-from evaluator.diagnosis.mistakes.recognised import Mistake
+from evaluator.diagnosis.mistakes.recognised import Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.start.handling import between_hands
 from evaluator.diagnosis.mistakes.start.log_clock import clocks_off
 from evaluator.errors import InputError
@@ -116,7 +116,7 @@ def without_mistakes(session: Session) -> Session:
     keep = [k for k, run in enumerate(session.data) if run.id not in wrong]
     pairs = zip(session.data, session.robots, strict=True)
     aside = tuple((run, robot) for run, robot in pairs if run.id in wrong)
-    return replace(session.of_runs(keep), mistakes=tuple(found), aside=aside)
+    return replace(session.of_runs(keep), mistakes=(*session.mistakes, *found), aside=aside)
 
 
 def needed_of(session: Session) -> Session:
@@ -182,16 +182,17 @@ def mistakes_in(
 
 
 def _in_pieces(session: Session) -> Session:
-    """The session with long recordings of poses on open ground cut into pieces, without those with a clock off.
+    """The session with long recordings of poses on open ground cut into pieces; those with a clock off are mistakes.
 
     A recording whose times are in another unit is kept whole: the search for mistakes names it.
     """
     runs = list(zip(session.data, session.robots, strict=True))
-    left_out = dict(clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)]))
+    off = clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)])
+    mistaken, left_out = {item.run for item in off}, dict[str, str]()
     data: list[RunData] = []
     robots: list[Robot] = []
     for run, robot in runs:
-        if run.id in left_out:
+        if run.id in mistaken:
             continue
         parts: tuple[RunData, ...] = (run,)
         if run.from_poses and is_full_size(robot) and not wrong_seconds([run], [robot]):
@@ -200,7 +201,8 @@ def _in_pieces(session: Session) -> Session:
             left_out[run.id] = f"no stretch of {PIECE_S:g} s of it has {FEWEST_POSES} poses; are its times in seconds?"
         data += parts
         robots += [robot] * len(parts)
-    return replace(session, data=tuple(data), robots=tuple(robots), left_out={**session.left_out, **left_out})
+    kept = replace(session, data=tuple(data), robots=tuple(robots), left_out={**session.left_out, **left_out})
+    return replace(kept, mistakes=tuple(mistakes_of(off, len(runs))))
 
 
 def _read(

@@ -6,12 +6,13 @@ motion is compared with the whole log instead, without a model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
+from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from evaluator.diagnosis.mistakes.start.late_start import LATE_S, LATE_SPREADS, SLOWEST_S
 from evaluator.interchange.log_offset import LogOffset, log_offset
 from evaluator.robust import robust_sigma
@@ -23,8 +24,8 @@ WIDEST_S = 0.2
 FEWEST = 3  # runs of which one may be unlike the others
 
 
-def clocks_off(data: Sequence[RunData]) -> Mapping[str, str]:
-    """By id, why runs whose motion follows their log at another offset than that of the others cannot be used.
+def clocks_off(data: Sequence[RunData]) -> list[Found]:
+    """Runs whose motion follows their log at another offset than that of the others.
 
     The offset contains the lag of the drive, which all runs share. Of fewer than FEWEST runs, it is compared with what
     the slowest drives need.
@@ -35,11 +36,11 @@ def clocks_off(data: Sequence[RunData]) -> Mapping[str, str]:
         usual_s, least_s = 0.0, SLOWEST_S
     else:
         usual_s, least_s = float(np.median(values)), max(LATE_S, LATE_SPREADS * robust_sigma(values))
-    return {
-        run: _told(offset, usual_s)
+    return [
+        _told(run, offset.value_s - usual_s, "than in the other runs" if usual_s else "than it says")
         for run, offset in known.items()
         if offset.low_s > usual_s + least_s or offset.high_s < usual_s - least_s
-    }
+    ]
 
 
 def _offset(run: RunData) -> LogOffset | None:
@@ -50,10 +51,9 @@ def _offset(run: RunData) -> LogOffset | None:
     return log_offset(time_s, pose, run.log.command.at, (float(times[0]), float(times[-1])), MOST_LATE_S)
 
 
-def _told(offset: LogOffset, usual_s: float) -> str:
-    change_s = offset.value_s - usual_s
-    than = "than in the other runs" if usual_s else "than it says"
-    return (
-        f"its motion follows its command log {abs(change_s):.2f} s {'later' if change_s > 0 else 'earlier'} {than}; "
-        f"{'add' if change_s > 0 else 'subtract'} {abs(change_s):.2f} s {'to' if change_s > 0 else 'from'} its start_s"
+def _told(run: str, later_s: float, than: str) -> Found:
+    seen = f"its motion follows its command log {abs(later_s):.2f} s {'later' if later_s > 0 else 'earlier'} {than}"
+    remedy = (
+        f"{'add' if later_s > 0 else 'subtract'} {abs(later_s):.2f} s {'to' if later_s > 0 else 'from'} its start_s"
     )
+    return Found(run, "late-start", seen, remedy, correction=Correction(later_s=round(later_s, 2)))
