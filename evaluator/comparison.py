@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from evaluator.interchange.commands import RunCommand
 from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
+from evaluator.robust import sigma_of_bends
 from evaluator.turning import Turning, only_mark
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
@@ -26,6 +27,10 @@ from simulator.simulation import moving_state, simulate
 
 Array = NDArray[np.float64]
 
+RESTS_S = 0.1  # last rest before the motors: nobody releases a robot and switches on faster
+# A robot is elsewhere if so many frames in a row (one or two may be wrong marks) are off by so much (in their noise,
+# and mm, mm, rad: what a camera or a codec does while the robot rests).
+MOVED_FRAMES, MOVED_SIGMAS, LEAST_MOVED = 4, 6.0, (0.02, 0.02, 0.01)
 LEAST_POSES = 4  # one more than a parabola needs
 START_SPAN_S = 0.25  # recording that determines the start pose: 15 frames at 60/s reduce the noise to a quarter
 
@@ -102,15 +107,16 @@ def resting_pose(
 def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[float, float, float]:
     """Pose (x mm, y mm, heading rad) in which the run starts.
 
-    The mean of the frames at rest before start_s. Without such frames, the start of a line through the headings of the
-    first frames, and of parabolas through their positions (exact for a steady turn to second order). A run that does
-    not start at_rest has no frames at rest.
+    The mean of the frames at rest before start_s, since it was last moved by hand. Without such frames, the start of a
+    line through the headings of the first frames, and of parabolas through their positions (exact for a steady turn to
+    second order). A run that does not start at_rest has no frames at rest.
     """
     known = np.isfinite(poses.heading_rad)
     time = poses.time_s
     resting = known & (time <= start_s) & at_rest
     if np.count_nonzero(resting) >= 3:
-        chosen, powers = resting, (0, 0, 0)
+        chosen, powers = resting.copy(), (0, 0, 0)
+        chosen[resting] = _since_moved(poses, resting)
     else:
         first = time[known][0]
         chosen = known & (time <= first + START_SPAN_S)
@@ -126,6 +132,24 @@ def start_pose(poses: Poses, start_s: float, *, at_rest: bool = True) -> tuple[f
         for value, power in zip(values, powers, strict=True)
     )
     return x, y, heading
+
+
+def _since_moved(poses: Poses, resting: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of the frames at rest (m,) are those since it was last moved: all, if it moves in the last of them.
+
+    A hand withdraws softly: what follows within RESTS_S does not count if later frames do.
+    """
+    time = poses.time_s[resting]
+    places = np.column_stack([poses.x_mm[resting], poses.y_mm[resting], poses.heading_rad[resting]])
+    last = time > time[-1] - RESTS_S
+    off = np.abs(places - np.median(places[last], axis=0))
+    elsewhere = (off > MOVED_SIGMAS * sigma_of_bends(places) + LEAST_MOVED).any(axis=1)
+    if len(time) < MOVED_FRAMES or elsewhere[last].any():
+        return np.ones(len(time), dtype=np.bool_)
+    moved = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(elsewhere, MOVED_FRAMES).all(axis=1))
+    if not len(moved):
+        return np.ones(len(time), dtype=np.bool_)
+    return np.asarray(time > min(time[moved[-1] + MOVED_FRAMES - 1] + RESTS_S, time[-1] - RESTS_S))
 
 
 def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Turning) -> dict[str, Any]:

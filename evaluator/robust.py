@@ -27,6 +27,11 @@ def quantile_of_rows(values: ArrayLike, share: float) -> NDArray[np.float64]:
     return np.asarray(second - (second - first) * (1 - part))
 
 
+def sigma_of_bends(values: ArrayLike) -> NDArray[np.float64]:
+    """Noise of each column of values (n, ...) in equal steps, of which the second differences are nearly only noise."""
+    return np.asarray(PER_MEDIAN * np.median(np.abs(np.diff(values, n=2, axis=0)), axis=0) / 6**0.5)
+
+
 def robust_sigma(values: ArrayLike) -> float:
     """Standard deviation of a normal distribution with the same median absolute deviation from its median."""
     of_all = np.asarray(values)

@@ -41,6 +41,14 @@ def test_run_begins_where_the_robot_rests_after_it_was_laid_down() -> None:
     assert kept_s(filmed(laid_down_s=0.5)) == pytest.approx((0.6, 3.98), abs=0.04)
 
 
+@pytest.mark.parametrize("hand_mm_s", [0.3, 1.0])
+def test_a_slow_nudge_before_the_start_is_no_place_where_it_starts(hand_mm_s: float) -> None:
+    """By 0.08 to 0.25 mm within a quarter of a second: frames before it were averaged into the start of the run."""
+    run, nudged = filmed(), filmed(laid_down_s=0.5, hand_mm_s=hand_mm_s)
+    marks = np.where(run.time_s[:, None] < 0.25, nudged.marks_mm[15], nudged.marks_mm)
+    assert kept_s(replace(run, marks_mm=marks))[0] == pytest.approx(0.6, abs=0.1)
+
+
 @pytest.mark.parametrize("last_s", [0.88, 0.9, 0.94])
 def test_first_frames_after_a_sudden_rest_may_count_as_wrong_marks(last_s: float) -> None:
     """A hand twists the robot and stops at once, and a jumpy tracker: 7 of 18 runs were late starts."""
@@ -69,7 +77,7 @@ def test_run_ends_where_the_robot_is_taken_away_without_a_rest(taken_away_s: flo
     assert taken_away_s - 0.15 < end_s < taken_away_s + 0.02
 
 
-@pytest.mark.parametrize(("nudged_s", "begins_s"), [(0.5, 0.5), (0.8, 0.8), (0.95, 0.0), (1.5, 0.0)])
+@pytest.mark.parametrize(("nudged_s", "begins_s"), [(0.5, 0.6), (0.8, 0.8), (0.95, 0.0), (1.5, 0.0)])
 def test_run_begins_after_a_nudge_that_is_surely_before_its_start(nudged_s: float, begins_s: float) -> None:
     """By 0.15 mm, from one frame to the next; later ones are left to those who look for disturbances."""
     run = filmed()
@@ -97,7 +105,7 @@ def test_run_begins_after_a_nudge_however_long_the_marks_are_not_seen(
         filmed(),
         filmed(begins_s=0.5),  # motors on before the file says so: for late_starts
         filmed(laid_down_s=0.95),  # no rest before the motors tells hand and motors apart
-        filmed(laid_down_s=0.5, hand_mm_s=0.5),  # a quarter of a millimetre: no hand
+        filmed(taken_away_s=3.5, hand_mm_s=0.5),  # a quarter of a millimetre after the stop: no hand
     ],
 )
 def test_all_frames_count_where_no_hand_is_seen(run: RunData) -> None:

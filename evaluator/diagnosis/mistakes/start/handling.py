@@ -19,7 +19,7 @@ from evaluator.diagnosis.mistakes.motion import (
     arm_mm,
 )
 from evaluator.diagnosis.mistakes.outrun import taken_away_s
-from evaluator.robust import PER_MEDIAN
+from evaluator.robust import sigma_of_bends
 
 # Starts are known more accurately than the first (late_start.LATE_S), and motors run down within the second.
 BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
@@ -31,7 +31,8 @@ def between_hands(run: RunData) -> slice:
     begin, end = 0, len(time)
     if run.run_command.starts_at_rest and on_s is not None:
         rest_s = on_s - BEFORE_START_S - RESTS_S
-        carried = _carried(run, rest_s, time < rest_s)
+        # however little it is moved: frames in which it stood elsewhere do not show where it starts
+        carried = _carried(run, rest_s, time < rest_s, 0.0)
         if len(carried):
             laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
             begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
@@ -41,7 +42,8 @@ def between_hands(run: RunData) -> slice:
         if nudge is not None and nudge[0] < on_s - BEFORE_START_S and _seen_from_s(run, nudge[0]) <= on_s:
             begin = max(begin, int(np.searchsorted(time, nudge[0])))
     if off_s is not None:
-        carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S)
+        far_mm = CARRIED_SHARE * 2 * arm_mm(run)
+        carried = _carried(run, off_s + AFTER_STOP_S, time > off_s + AFTER_STOP_S + RESTS_S, far_mm)
         # without a rest in between, a hand is faster than the robot was
         end = int(carried[0]) if len(carried) else int(np.searchsorted(time, taken_away_s(run, off_s)))
     return slice(begin, end)
@@ -72,10 +74,10 @@ def moved_before_start_mm(run: RunData) -> float:
     return way if way > CARRIED_SHARE * 2 * arm_mm(run) else 0.0
 
 
-def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_], far_mm: float) -> NDArray[np.int64]:
     """Frames at which some in a row outside begin that are off the place where the robot rests for RESTS_S.
 
-    Empty if it does not rest there, or never deviates as far as a hand carries it.
+    Empty if it does not rest there, or never deviates by far_mm.
     """
     seen = np.isfinite(run.marks_mm).all(axis=1)
     nowhere = np.zeros(0, dtype=np.int64)
@@ -86,12 +88,11 @@ def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_]) -> NDArray
     if (resting & seen).sum() < MOVING_FRAMES or not (outside & seen).any():
         return nowhere
     off = run.marks_mm - np.median(run.marks_mm[resting & seen], axis=0)
-    scatter = PER_MEDIAN * float(np.median(np.abs(np.diff(run.marks_mm[seen], n=2, axis=0)))) / 6**0.5
+    scatter = float(np.median(sigma_of_bends(run.marks_mm[seen])))
     away = np.nan_to_num(np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])))
     moved = away > ONSET_SIGMAS * scatter + ONSET_LEAST_MM
     in_a_row = np.lib.stride_tricks.sliding_window_view(moved & outside, MOVING_FRAMES).all(axis=1)
-    least_mm = CARRIED_SHARE * 2 * arm_mm(run)
-    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > least_mm
+    far = np.lib.stride_tricks.sliding_window_view(away, MOVING_FRAMES).min(axis=1) > far_mm
     if moved[resting & seen].sum() > 1 or not (in_a_row & far).any():  # one alone is a wrong mark
         return nowhere
     return np.flatnonzero(in_a_row)
