@@ -116,17 +116,21 @@ def lost_frames(run: RunData, sigmas: float = SIGMAS) -> list[Loss]:
     numbers, frame_s = frame_numbers(run.time_s)
     if len(time) < 4 * FEWEST or not len(numbers) or run.from_poses:
         return []
-    count = numbers[np.isfinite(run.marks_mm).all(axis=1)]
+    seen = np.isfinite(run.marks_mm).all(axis=1)
+    count, marks, around = numbers[seen], run.marks_mm[seen], max(FEWEST, round(AROUND_S / frame_s))
     course = np.column_stack([middle, heading * arm_mm(run)])
-    course[_is_outlier(course)] = np.nan
+    wrong = _is_outlier(course)
+    course[wrong] = marks[wrong] = np.nan
     parts = _steady_parts(run, time)
     losses: dict[int, int] = {}
     while len(losses) < len(time) // (2 * FEWEST):
-        advance, sigma, speed = advances(count, course, max(FEWEST, round(AROUND_S / frame_s)))
+        advance, sigma, speed = advances(count, course, around)
         advance[~_is_usual(speed, parts)] = np.nan
         whole = np.rint(advance)
         clear = (np.abs(advance) > sigmas * sigma) & (np.abs(advance - whole) < WHOLE)
         clear &= (np.abs(whole) <= MOST_AT_ONCE) & (np.abs(whole) * speed > LEAST_MM)
+        if clear.any():
+            clear &= _of_both_marks(count, marks, around, whole)
         if not np.any(clear & (whole > 0)):
             if clear.any():
                 return []
@@ -155,16 +159,17 @@ def frame_numbers(time_s: Floats) -> tuple[NDArray[np.int64], float]:
 def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Floats, Floats, Floats]:
     """How far the motion is ahead from each frame on, in frames, NaN where not known; standard error; mm a frame; (n,).
 
-    count: number (n,) of each frame. course: (n, 3) place and heading times a lever, mm. around: frames on either side,
-    to which a cubic in time and a step are fitted; the step along the velocity is the advance.
+    count: number (n,) of each frame. course: (n, k) places, or place and heading times a lever, mm. around: frames on
+    either side, to which a cubic in time and a step are fitted; the step along the velocity is the advance.
     """
     first, last = int(count[0]), int(count[-1])
-    grid = np.full((last - first + 1, 3), np.nan)
+    columns = course.shape[1]
+    grid, beyond = np.full((last - first + 1, columns), np.nan), np.full((around, columns), np.nan)
     grid[count - first] = course
-    padded = np.concatenate([np.full((around, 3), np.nan), grid, np.full((around, 3), np.nan)])
+    padded = np.concatenate([beyond, grid, beyond])
     seen = np.isfinite(padded).all(axis=1)
     at = count - first  # frame `at` is the first after the step
-    windows = sliding_window_view(padded, 2 * around, axis=0)[at]  # (n, 3, 2 around)
+    windows = sliding_window_view(padded, 2 * around, axis=0)[at]  # (n, k, 2 around)
     used = sliding_window_view(seen, 2 * around)[at].astype(float)
     since = (np.arange(2 * around) - around + 0.5) / around
     design = np.column_stack([np.ones_like(since), since, since**2, since**3, since > 0])
@@ -173,10 +178,10 @@ def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Flo
     normal[~enough] = np.eye(5)
     values = np.where(used[:, None, :] > 0, windows, 0.0)
     inverse = np.linalg.inv(normal)
-    fit = (values @ design) @ inverse  # (n, 3, 5); the inverse is symmetric
+    fit = (values @ design) @ inverse  # (n, k, 5); the inverse is symmetric
     left = values - (fit @ design.T) * used[:, None, :]
     degrees = np.maximum(used.sum(axis=1) - 5, 1.0)
-    scatter = np.sqrt(np.einsum("nck,nck->n", left, left) / (3 * degrees))
+    scatter = np.sqrt(np.einsum("nck,nck->n", left, left) / (columns * degrees))
     speed, step = fit[:, :, 1] / around, fit[:, :, 4]
     square = np.maximum(np.einsum("nc,nc->n", speed, speed), 1e-300)
     for at_share in (-0.5, 0.5):  # a robot that starts or stops there is not ahead
@@ -189,6 +194,15 @@ def advances(count: NDArray[np.int64], course: Floats, around: int) -> tuple[Flo
     if usual.any():  # correlated noise, or a motion that a cubic does not follow, scatters more
         sigma = sigma * max(1.0, PER_MEDIAN * float(np.median(np.abs(advance[usual] / sigma[usual]))))
     return advance, sigma, np.sqrt(square)
+
+
+def _of_both_marks(count: NDArray[np.int64], marks: Floats, around: int, whole: Floats) -> NDArray[np.bool_]:
+    """Whether both marks (n, 4) alone are ahead by more than half of so many frames (n,).
+
+    One alone that is, was interpolated over frames in which it was not seen, or confused with something else.
+    """
+    own = [advances(count, marks[:, part], around)[0] for part in (slice(2), slice(2, 4))]
+    return np.asarray(np.all([each / np.where(whole, whole, 1.0) > 0.5 for each in own], axis=0))
 
 
 def _is_outlier(course: Floats) -> NDArray[np.bool_]:

@@ -111,6 +111,16 @@ def test_a_robot_that_is_pushed_aside_loses_no_frames(aside_mm: float, within_s:
     assert lost_frames(replace(run, marks_mm=run.marks_mm + np.outer(aside, [0, 1, 0, 1]))) == []
 
 
+@pytest.mark.parametrize("mark", [0, 1])
+def test_one_mark_alone_that_is_ahead_is_no_lost_frame(mark: int) -> None:
+    """As where a spline through its noise fills a gap; both were ahead by one frame in the mean."""
+    run, part = losing({200: 2}), slice(2 - 2 * mark, 4 - 2 * mark)
+    marks = run.marks_mm.copy()
+    marks[:, part] = losing({}).marks_mm[:, part]
+    assert lost_frames(run) != []
+    assert lost_frames(replace(run, marks_mm=marks)) == []
+
+
 def test_neither_driver_stamps_nor_poses_nor_a_robot_that_slips_back_lose_frames() -> None:
     run = losing({200: 2})
     assert lost_frames(run) != []
