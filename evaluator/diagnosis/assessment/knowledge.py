@@ -78,7 +78,8 @@ class Knowledge:
         unit = "" if item.unit == "1" else f" {item.unit}"
         same = self.equivalent
         tail = f" (equivalent to the {verb(len(same), 'effect', 'effects')} {' or '.join(same)})" if same else ""
-        return f"{item.name}: off by {self.found:+.2g}{unit}, tolerance {item.sigma:.2g}{unit}{tail}"
+        interval = f"[95 %: {self.low:.2g} to {self.high:.2g}]"
+        return f"{item.name}: off by {self.found:+.2g}{unit} {interval}, tolerance {item.sigma:.2g}{unit}{tail}"
 
 
 def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]:

@@ -40,6 +40,7 @@ from evaluator.diagnosis.output.scatter_json import run_to_run
 from evaluator.diagnosis.output.unlike_runs import unlike
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.search_ground import acts_on_drive
+from evaluator.turning.motion.curvature import Z_975
 from evaluator.wording import name_of_value
 from simulator.effects.catalogue import BUILT_IN, EFFECTS
 
@@ -285,12 +286,15 @@ def _nominal(diagnosis: Diagnosis) -> dict[str, NominalContent]:
 def _far_nominal(diagnosis: Diagnosis) -> list[str]:
     """Sentences on nominal values far beyond their relative tolerance, of a model that follows the runs."""
     told = {item.quantity.key for item in diagnosis.known}
-    return [
-        f"{name_of_value(key)}: off by {100 * change:+.2g} %, tolerance {100 * tolerance:.2g} %"
-        for key, item in (_nominal(diagnosis) if diagnosis.follows else {}).items()
-        for change, tolerance in [(item["relative_change"] or 0.0, item["tolerance"])]
-        if key not in told and abs(change) > FINDING_SIGMAS * tolerance
-    ]
+    found = []
+    for key, item in (_nominal(diagnosis) if diagnosis.follows else {}).items():
+        change, tolerance, half = item["relative_change"] or 0.0, item["tolerance"], Z_975 * (item["sigma"] or 0.0)
+        if key not in told and abs(change) > FINDING_SIGMAS * tolerance:
+            interval = f"[95 %: {100 * (change - half):.2g} to {100 * (change + half):.2g}]"
+            found.append(
+                f"{name_of_value(key)}: off by {100 * change:+.2g} % {interval}, tolerance {100 * tolerance:.2g} %"
+            )
+    return found
 
 
 def _shared(diagnosis: Diagnosis) -> dict[str, Number] | None:

@@ -321,8 +321,8 @@ def test_knowledge_is_the_fitted_deviation_in_its_unit_with_its_interval() -> No
     assert (stays.found, stays.low, stays.high) == pytest.approx((0.0, -1.96e-3, 1.96e-3))
     assert knowledge([quantity], fit)[0].found == 0.0
     assert found.is_finding
-    tail = "off by +0.0004, tolerance 0.0001 (equivalent to the effects time-base or drive-speed-scale)"
-    assert found.sentence == f"seconds of the recording: {tail}"
+    tail = "tolerance 0.0001 (equivalent to the effects time-base or drive-speed-scale)"
+    assert found.sentence == f"seconds of the recording: off by +0.0004 [95 %: 0.0002 to 0.0006], {tail}"
     assert replace(found, quantity=replace(quantity, key="body.mass_g")).alike is None
 
 

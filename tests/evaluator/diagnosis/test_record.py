@@ -307,11 +307,11 @@ def test_a_term_of_some_wheels_is_an_own_effect_whose_coefficient_names_them() -
 def test_a_nominal_value_beyond_three_relative_tolerances_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """A friction 32 % above the robot file, 3.1 tolerances in the fit, was in no sentence."""
     moved = {"slip.lateral_friction": 0.155, "slip.decrease": -0.149, "wheels.radius_mm": 0.9, "body.mass_g": None}
-    nominal = {key: {"relative_change": change, "tolerance": 0.05} for key, change in moved.items()}
+    nominal = {key: {"relative_change": change, "sigma": 0.02, "tolerance": 0.05} for key, change in moved.items()}
     monkeypatch.setattr(diagnosis_json, "_nominal", lambda _: nominal)
     told = SimpleNamespace(quantity=SimpleNamespace(key="wheels.radius_mm"))
     found = diagnosis(known=(told,), follows=True)
-    assert diagnosis_json._far_nominal(found) == ["lateral friction: off by +16 %, tolerance 5 %"]
+    assert diagnosis_json._far_nominal(found) == ["lateral friction: off by +16 % [95 %: 12 to 19], tolerance 5 %"]
     assert diagnosis_json._far_nominal(diagnosis(known=(told,), follows=False)) == []
 
 
