@@ -100,11 +100,11 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     if profiles and fitted_where_absent(whole, said.chosen, profiles):
         everything, said = _answered(whole, session, free)
         profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    if said.verdict in ("none", "effect"):
-        believed = everything.tolerance
-        everything, said = _without_contradicted(everything, said, session)
-        if said.verdict == "effect" and everything.tolerance != believed:
-            profiles = profiles_of(everything, said.chosen)
+    if said.verdict in ("none", "effect") and not ready.problem.open_ground:
+        freed, said = _without_contradicted(everything, said, session)
+        if said.verdict == "effect" and freed is not everything:
+            profiles = profiles_of(freed, said.chosen)
+        everything = freed
     progress("where they disagree", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
     found = Diagnosis(

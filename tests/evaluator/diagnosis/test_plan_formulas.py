@@ -75,7 +75,8 @@ def test_runs_are_as_long_as_their_path_fits_and_lie_where_it_leaves_room(
     sides = tuple(np.column_stack([np.arange(81.0), np.full(81, side)]) for side in (1.0, -1.0))
     told: Any = SimpleNamespace(is_by_chance=False, x_mm=None, y_mm=None, heading_rad=None, time_s=None)
     monkeypatch.setattr(candidate_runs, "simulate", lambda *_: told)
-    monkeypatch.setattr(candidate_runs, "view_of", lambda *_: SimpleNamespace(marks=lambda *_: sides))
+    monkeypatch.setattr(candidate_runs, "view_of", lambda *_: None)
+    monkeypatch.setattr(candidate_runs, "seen_of_run", lambda *_: sides)
     room = Room((3.0, -2.0), half_mm)
     found = list(placed(load_robot("barrel"), (30.0, 30.0), (0, 90), room, (MIDDLE, CORNERS[0])))
     assert {run.heading_deg: run.duration_s for run in found} == seconds

@@ -48,6 +48,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         monkeypatch.setattr(module, name, noted(name, result))
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
     monkeypatch.setattr(module, "without_cancelling", lambda search: (search, ""))
+    monkeypatch.setattr(module, "_without_contradicted", lambda search, said, _: (search, said))
     monkeypatch.setattr(module, "reviewed", lambda found: found)
     monkeypatch.setattr(module, "_with_changed_values", lambda found, *_: found)
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
