@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,17 @@ PASSED_S, PASSED_DIGITS = 0.05, 2
 
 @dataclass(frozen=True)
 class Prepared:
-    """Runs ready for a search: problem, nominal point, visible tolerances, terms by id, ids of user-defined effects."""
+    """Runs ready for a search: problem, nominal point, visible tolerances, terms by id, ids of user-defined effects.
+
+    last: effects of large robots, which for a small one are sought only if no other effect explains its runs.
+    """
 
     problem: Problem
     start: Point
     tolerance: Mapping[str, float]
     terms: Mapping[str, Candidate]
     own: frozenset[str] = frozenset()
+    last: Mapping[str, Candidate] = field(default_factory=dict)
 
     @property
     def free(self) -> dict[str, Candidate]:
@@ -66,20 +70,23 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
         commands_recur=session.commands_recur,
         attraction=attraction_of(session.robots[0]),
         passed_rpm=_passed_rpm(session),
+        of_ground=True,
     )
     named = {effect: term for effect, term in every.items() if effect not in given}
     own = [EFFECTS[effect] for effect in session.own]
     said = {effect for item in own for effect in included_named_effects(item)}
     named = {effect: term for effect, term in named.items() if effect not in said}
+    last = {} if size.full else {effect: term for effect, term in named.items() if EFFECTS[effect].of_ground}
+    named = {effect: term for effect, term in named.items() if effect not in last}
     forms = free_terms(size, one_frame=frame)
     new = {form: term for form, term in forms.items() if not any(is_included_in(term, effect) for effect in own)}
     terms: dict[str, Candidate] = {**named, **new}
     progress("noise", 0.0)
-    forward = Simulated(session.robots, data, terms, predicted_sigmas(session.known), session.start_sigma_s)
+    forward = Simulated(session.robots, data, {**terms, **last}, predicted_sigmas(session.known), session.start_sigma_s)
     problem, start = build_problem(data, forward, fits, progress, session.start_sigma_s)
     tolerance = visible_tolerances(problem, start, session.tolerance)
     problem = replace(problem, starts_show=show_starts(problem, start))
-    return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own))
+    return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own), last)
 
 
 def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:

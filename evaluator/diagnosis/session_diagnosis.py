@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from evaluator.diagnosis.answer import Answer, answer
-from evaluator.diagnosis.assessment.knowledge import far, knowledge
 from evaluator.diagnosis.assessment.model_comparison import separations
 from evaluator.diagnosis.assessment.relevance import without_cancelling
-from evaluator.diagnosis.assessment.sole_run import (
-    sole_run,
-)
 from evaluator.diagnosis.changes.parted_session import parted
 from evaluator.diagnosis.changes.stepped_values import with_changed_values
+from evaluator.diagnosis.deciding import decided
 from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspected_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit
-from evaluator.diagnosis.inference.profile_likelihood import profiles_of
-from evaluator.diagnosis.inference.search import Search, fit_set
+from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
-from evaluator.diagnosis.mistakes.outlying import has_similar_runs
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import searched_on_ground
@@ -30,20 +24,15 @@ from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
-    fitted_where_absent,
     refined,
     search_named,
     seeds_without,
 )
-from simulator.effects.coordinates import Candidate
 
 UNSIMULATED = (
     "the model of the robot file cannot be simulated at its command, as where a robot balances on a motion that the "
     "least disturbance ends: are both right? Then change the command a little"
 )
-UNBELIEVED = 10.0  # times a tolerance that the runs contradict: its weight is then a hundredth
-MOST_CONTRADICTED = 3  # fits without such tolerances: without one, the runs may contradict another one
-MOST_RESTING = 4  # sets, one beside the other, that are found to rest on the same run
 
 
 def diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagnosis:
@@ -95,16 +84,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         part = refined(part, ready.start, progress)
         whole, imitating = without_cancelling(fit_on_all_runs(part, ready.terms))
         challenge_with_free_terms(whole, free, progress)
-    everything, said = _answered(whole, session, free)
-    profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    if profiles and fitted_where_absent(whole, said.chosen, profiles):
-        everything, said = _answered(whole, session, free)
-        profiles = profiles_of(everything, said.chosen) if said.verdict == "effect" else {}
-    if said.verdict in ("none", "effect") and not ready.problem.open_ground:
-        freed, said = _without_contradicted(everything, said, session)
-        if said.verdict == "effect" and freed is not everything:
-            profiles = profiles_of(freed, said.chosen)
-        everything = freed
+    everything, said, profiles = decided(whole, ready, session, progress)
     progress("where they disagree", 0.95)
     apart = separations(everything, said.named) if said.verdict == "effect" else {}
     found = Diagnosis(
@@ -121,7 +101,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         profiles=profiles,
         separation=apart,
         leftover=said.leftover,
-        terms=ready.terms,
+        terms={**ready.terms, **ready.last},
         constancy=said.constancy,
         changes=said.changes,
         negligible=said.negligible,
@@ -139,56 +119,6 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
     except SearchStoppedError:  # the verdict stands
         return found
     return again or _in_parts(found, progress)
-
-
-def _answered(search: Search, session: Session, free: Mapping[str, Candidate]) -> tuple[Search, Answer]:
-    """The answer of a search, without effects that rest on one of several similar runs if the others explain all runs.
-
-    A search without that run, which takes as long as the first, would end with the other effects as well. Returns the
-    search without the fits of those effects, too, and of further effects and free-form terms that rest on the same run.
-    """
-    first = said = answer(search, session, free)
-    if said.verdict != "effect" or len(said.chosen) == 1 or search.problem.open_ground:
-        return search, first
-    rest, sole = search, sole_run(search, said.chosen, len(free))
-    suspect = None if sole is None else sole.run
-    run = None if suspect is None else session.data[suspect]
-    if run is None or not has_similar_runs(run, [other for other in session.data if other is not run]):
-        return search, first
-    for _ in range(MOST_RESTING):
-        if sole is None or sole.run != suspect:
-            break
-        rest = replace(rest, fits={ids: fit for ids, fit in rest.fits.items() if not ids & sole.effects})
-        said = answer(rest, session, free)
-        sole = sole_run(rest, said.chosen, len(free)) if said.chosen else None
-    if said.verdict != "effect" or not said.chosen < first.chosen:
-        return search, first
-    needs = " and ".join(sorted(first.chosen - said.chosen))
-    why = f"{run.id} alone needs {needs} as well, because it was disturbed or shows it best: repeat it"
-    return rest, replace(said, reason=f"{said.reason}; {why}")
-
-
-def _without_contradicted(search: Search, said: Answer, session: Session) -> tuple[Search, Answer]:
-    """The chosen set fitted without the tolerances that it contradicts, which say nothing about their values.
-
-    With them, these values end too near to the stated ones, and others make up for it: lateral friction 34 % off, of
-    two that were stated to 5 %, was told as +21 % [16, 27], with a longitudinal friction of -10 % [-16, -4].
-    """
-    errors = {key for run in session.data for key in run.systematic}  # of the calibration, which nobody states
-    for _ in range(MOST_CONTRADICTED):
-        contradicted = far(search.fits[said.chosen], session.tolerance) - errors
-        wider = {key: UNBELIEVED * session.tolerance[key] for key in contradicted}
-        if wider.items() <= search.tolerance.items():
-            break
-        looser = search.anew(tolerance={**search.tolerance, **wider})
-        try:
-            fit = fit_set(looser, said.chosen, {}, search.fits[said.chosen])
-        except SearchStoppedError:
-            break
-        if fit is None:
-            break
-        search = replace(search, tolerance=looser.tolerance, fits={**search.fits, said.chosen: fit})
-    return search, replace(said, known=knowledge(session.known, search.fits[said.chosen]))
 
 
 def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:

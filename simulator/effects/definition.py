@@ -20,8 +20,9 @@ from simulator.effects.parameter import ON_PLATE, Parameter
 from simulator.effects.view import View
 
 SOUGHT_ON_GROUND = (
-    "A diagnosis seeks it only for robots whose wheels are on average more than "
-    f"{ON_PLATE * USUAL_DISTANCE_MM:.0f} mm from their middle; it is simulated for all."
+    "A diagnosis seeks it last for robots whose wheels are on average less than "
+    f"{ON_PLATE * USUAL_DISTANCE_MM:.0f} mm from their middle: instead of effects that it has found, or if none "
+    "explains the runs."
 )
 
 Values = Mapping[str, float]
@@ -49,8 +50,8 @@ class Effect:
     kind: "dynamics" and "command" act on the Draft of a robot; "observation" acts on the View of its marks.
     varies_by_run: depends on the number of the run in the session.
     of_plate: depends on the robot's position or direction on the plate; only runs in a common frame can show it.
-    of_ground: sought only for robots too large for a plate; the few commands of runs on a plate cannot distinguish it
-    from other effects.
+    of_ground: of robots too large for a plate; for others it is sought last, because the few commands of runs on a
+    plate hardly distinguish it from other effects.
     fitted: gives the coordinates of a fit; default: the parameters themselves.
     sum_of: for an effect that is a sum of terms, each term with the name of the parameter that multiplies it.
     """

@@ -68,6 +68,7 @@ def named_terms(
     *,
     one_frame: bool = True,
     commands_recur: bool = True,
+    of_ground: bool = False,
     attraction: tuple[float, float] = PAPER_ATTRACTION,
     passed_rpm: tuple[float, ...] = (),
 ) -> dict[str, Candidate]:
@@ -77,12 +78,12 @@ def named_terms(
     distinct values of commanded |rpm|, between which a dead band may lie. size: of the robot; steps and bounds of
     effects of the user are not scaled. one_frame: whether the runs share a frame; without it, effects of the plate are
     omitted. commands_recur: whether commands are driven again later; without it, effects that vary from run to run are
-    omitted. attraction, passed_rpm: see Scene. Effects of large robots are omitted for small ones.
+    omitted. attraction, passed_rpm: see Scene. of_ground: whether to give a small robot the effects of large ones, too.
     """
     scene = Scene(reach_mm, command_levels_rpm, size, attraction, passed_rpm)
     as_stated = replace(scene, size=PAPER_SIZE)
     scenes = dict.fromkeys(BUILT_IN, scene) | dict.fromkeys(own, as_stated)
     left_out = {id_ for id_ in scenes if EFFECTS[id_].of_plate and not one_frame}
     left_out |= {id_ for id_ in scenes if EFFECTS[id_].varies_by_run and not commands_recur}
-    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not size.full}
+    left_out |= {id_ for id_ in scenes if EFFECTS[id_].of_ground and not (size.full or of_ground)}
     return {id_: EFFECTS[id_].candidate(its) for id_, its in scenes.items() if id_ not in left_out}

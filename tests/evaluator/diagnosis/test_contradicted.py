@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from evaluator.diagnosis import session_diagnosis
+from evaluator.diagnosis import deciding
 from evaluator.diagnosis.inference.watch import SearchStoppedError
 
 TOLERANCE = {"slip.lateral_friction": 0.05, "slip.longitudinal_friction": 0.05, "plane, error 1": 1.0}
@@ -38,12 +38,12 @@ def freed(first: list[str], then: list[list[str] | None], monkeypatch: pytest.Mo
     session: Any = SimpleNamespace(
         tolerance=TOLERANCE, known="known to", data=[SimpleNamespace(systematic={"plane, error 1": 0.0})]
     )
-    monkeypatch.setattr(session_diagnosis, "far", lambda fit, tolerance: frozenset(fit) if tolerance else None)
-    monkeypatch.setattr(session_diagnosis, "fit_set", lambda *_: next(fits))
-    monkeypatch.setattr(session_diagnosis, "knowledge", lambda *given: given)
+    monkeypatch.setattr(deciding, "far", lambda fit, tolerance: frozenset(fit) if tolerance else None)
+    monkeypatch.setattr(deciding, "fit_set", lambda *_: next(fits))
+    monkeypatch.setattr(deciding, "knowledge", lambda *given: given)
     search: Any = Searched({NOTHING: first})
     said: Any = Said()
-    found: Any = session_diagnosis._without_contradicted(search, said, session)
+    found: Any = deciding._without_contradicted(search, said, session)
     return found
 
 
@@ -76,8 +76,8 @@ def test_a_fit_that_fails_or_is_stopped_changes_nothing(monkeypatch: pytest.Monk
     def stopped(*_: Any) -> None:
         raise SearchStoppedError(1.0)
 
-    monkeypatch.setattr(session_diagnosis, "fit_set", stopped)
+    monkeypatch.setattr(deciding, "fit_set", stopped)
     session: Any = SimpleNamespace(tolerance=TOLERANCE, known=(), data=[])
     given: Any = Searched({NOTHING: ["slip.lateral_friction"]})
     said: Any = Said()
-    assert session_diagnosis._without_contradicted(given, said, session)[0] == given
+    assert deciding._without_contradicted(given, said, session)[0] == given

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from evaluator.diagnosis import session_diagnosis as module
+from evaluator.diagnosis import deciding as module
 
 PAIR, FORM = frozenset({"magnet-imbalance", "speed-ripple"}), frozenset({"speed-ripple", "free:x"})
 RIPPLE = frozenset({"speed-ripple"})

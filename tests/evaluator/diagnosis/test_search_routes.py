@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.diagnosis import deciding
 from evaluator.diagnosis import diagnosis as whole_module
 from evaluator.diagnosis import session_diagnosis as module
 from evaluator.diagnosis.assessment.verdict import Verdict
@@ -45,10 +46,12 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         "fitted_where_absent": False,
     }  # fmt: skip
     for name, result in results.items():
-        monkeypatch.setattr(module, name, noted(name, result))
+        step = noted(name, result)
+        for place in (module, deciding):
+            monkeypatch.setattr(place, name, step, raising=hasattr(place, name))
     monkeypatch.setattr(module, "shortcomings", lambda *_: [])
     monkeypatch.setattr(module, "without_cancelling", lambda search: (search, ""))
-    monkeypatch.setattr(module, "_without_contradicted", lambda search, said, _: (search, said))
+    monkeypatch.setattr(deciding, "_without_contradicted", lambda search, said, _: (search, said))
     monkeypatch.setattr(module, "reviewed", lambda found: found)
     monkeypatch.setattr(module, "_with_changed_values", lambda found, *_: found)
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
@@ -59,14 +62,18 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def answering(monkeypatch: pytest.MonkeyPatch, verdict: str, *, open_ground: bool) -> None:
     ready = SimpleNamespace(
-        problem=SimpleNamespace(open_ground=open_ground), start="start", terms={"a": None}, free={"free:x": None}
+        problem=SimpleNamespace(open_ground=open_ground),
+        start="start",
+        terms={"a": None},
+        free={"free:x": None},
+        last={},
     )
     said = SimpleNamespace(
         verdict=verdict, reason="it pays", chosen=TILT, named=frozenset("b"), standing=None, leftover=None,
         constancy=(), changes={}, negligible=frozenset(), known=(), known_together=None,
     )  # fmt: skip
     monkeypatch.setattr(module, "prepared", lambda *_: ready)
-    monkeypatch.setattr(module, "answer", lambda *_: said)
+    monkeypatch.setattr(deciding, "answer", lambda *_: said)
 
 
 NAMED: Any = SimpleNamespace(name="named", diverging=())  # a search
@@ -115,12 +122,12 @@ def test_an_answer_is_sought_again_where_a_set_without_one_of_its_effects_fits_b
 ) -> None:
     answering(monkeypatch, "effect", open_ground=False)
     asked = []
-    said = module.answer(None, None, None)  # type: ignore[arg-type]
-    monkeypatch.setattr(module, "answer", lambda *_: asked.append(1) or said)
+    said = deciding.answer(None, None, None)  # type: ignore[arg-type]
+    monkeypatch.setattr(deciding, "answer", lambda *_: asked.append(1) or said)
     for better, times in ((False, 1), (True, 2)):
         asked.clear()
         done.clear()
-        monkeypatch.setattr(module, "fitted_where_absent", lambda *_, better=better: better)
+        monkeypatch.setattr(deciding, "fitted_where_absent", lambda *_, better=better: better)
         diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
         assert len(asked) == times
         assert [step for step, *_ in done].count("profiles_of") == times  # of the answer that stands
@@ -155,9 +162,9 @@ def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
     verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, "unknown", open_ground=False)
-    unknown = module.answer(None, None, None)  # type: ignore[arg-type]
+    unknown = deciding.answer(None, None, None)  # type: ignore[arg-type]
     answering(monkeypatch, verdict, open_ground=False)
-    then, told = module.answer, iter([unknown])
+    then, told = deciding.answer, iter([unknown])
 
     def answer(*given: Any) -> Any:
         if (first := next(told, None)) is not None:
@@ -166,7 +173,7 @@ def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
             raise SearchStoppedError(7.0, "")
         return then(*given)
 
-    monkeypatch.setattr(module, "answer", answer)
+    monkeypatch.setattr(deciding, "answer", answer)
     suspected = iter([[1, 2], []])
     monkeypatch.setattr(module, "suspected_runs", lambda part: next(suspected) if part is NAMED else [])
     found = diagnosed(session_of(5), no_progress, None)  # type: ignore[arg-type]
