@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evaluator.errors import InputError
+from evaluator.files import quoted
 from evaluator.files.csv_tables import line_of, numbers_of, read_table, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
@@ -72,7 +73,8 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         bad = values.isna() & table[name].notna()
         if bad.any():
             row = int(np.flatnonzero(bad)[0])
-            raise InputError(f"{path}: line {line_of(table, row)}, {name} = {table[name].iloc[row]!r} is not a number")
+            cell = quoted(table[name].iloc[row])
+            raise InputError(f"{path}: line {line_of(table, row)}, {name} = {cell} is not a number")
         table[name] = values.astype(float)
     if (table["time_s"].diff() == 0).any():  # seldom, and the numbers of hours of frames are many
         twice = repeats(table[["time_s", *(name for name in table if str(name).endswith(NUMBERS))]].to_numpy(float))

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 FORGOTTEN_S = 1e6
 DEVICE = re.compile(r"(con|prn|aux|nul|com[1-9]|lpt[1-9])(\..*)?", re.IGNORECASE)  # what Windows writes to no file
 LONGEST_BYTES = 240  # of 255 in most file systems; the rest is for endings and temporary names
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+# strict: neither true nor "33.3" is a number
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 
 
 def _names_files(value: str) -> str:
@@ -78,7 +80,7 @@ class Run(Table):
     marks: Path | None = None  # table of tracked marks
     poses: Path | None = None  # table of poses
     corrections: Path | None = None  # manual corrections: CSV of frame, mark, x, y or "absent"
-    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # frame rate, if the video has no times
+    rate_hz: Positive | None = None  # frame rate, if the video has no times
     group: str = ""  # wheel type, operator, …: drawn as one series
     robot: str | None = None  # if not that of the experiment
     camera: Path | None = None  # if not that of the experiment
@@ -153,7 +155,7 @@ class Run(Table):
         return None
 
 
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 
 
 class KnownTo(Table):

@@ -20,10 +20,10 @@ from simulator.units import in_standard_units
 GRAVITY_MM_S2 = 9800.0  # the paper's 9.8 m/s²
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 TOLERATED = ("body", "wheels", "magnetic_attraction", "slip", "marks")  # tables that [tolerance] may name numbers of
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Shape = Annotated[float, Field(gt=0, le=2)]  # beyond 2, friction at large slip would act along the sliding
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Shape = Annotated[float, Field(strict=True, gt=0, le=2)]  # beyond 2, friction at large slip would act along the sliding
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 class Table(BaseModel):

@@ -20,8 +20,8 @@ from pydantic import (
 
 from calibration.gauge.layouts import LAYOUTS, named_layout
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 MOST_DOTS = 100_000  # 30 px a dot in an image of 100 megapixels, with nothing between them
 
 
@@ -46,7 +46,7 @@ class Dots(Table):
     shifted_rows_shorter: bool = False  # by one dot
     color: str = "black"  # name or "#rrggbb"
     background: str = "white"  # name or "#rrggbb"
-    height_mm: Annotated[float, Field(allow_inf_nan=False)] = 0.0  # of the dots above the plate
+    height_mm: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 0.0  # of the dots above the plate
     pitch_tolerance_percent: NotNegative = 0.1  # 1 sigma, common to the whole plate
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from importlib import import_module
 
 import click
 
-from evaluator.cli.overwriting import without_overwriting
+from evaluator.cli.checked import checked
 
 # Section of the help: command: (module with a click command of that name, dashes as underscores; one-line help).
 SECTIONS = {
@@ -68,7 +68,7 @@ class LazyGroup(click.Group):
             return None
         module = import_module(f"evaluator.cli.{COMMANDS[cmd_name][0]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
-        return without_overwriting(command)
+        return checked(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -33,6 +33,8 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         raise InputError(f"{path}: not valid TOML: {toml_fault(error, _text_of(path))}") from error
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, load)}") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: its lists or tables are nested too deeply") from error
     except ValueError as error:
         if "embedded null" not in str(error):
             raise
@@ -99,6 +101,12 @@ KINDS = {
     "tuple": "should be a list",
     "list": "should be a list",
 }
+
+
+def quoted(value: object) -> str:
+    """A value of a file as it is told, shortened: a cell may hold megabytes."""
+    shown = repr(value)
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}…"
 
 
 def in_words(kind: str, message: str) -> str:
@@ -186,9 +194,7 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
     if kind == "missing":
         return f"{dotted} is missing"
     text = _cut(in_words(kind, message))
-    shown = repr(found)
-    shown = shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}…"
-    return text if isinstance(found, dict) or not dotted else f"{dotted} = {shown}: {text}"
+    return text if isinstance(found, dict) or not dotted else f"{dotted} = {quoted(found)}: {text}"
 
 
 def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:

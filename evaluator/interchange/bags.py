@@ -35,7 +35,7 @@ BAGS = (".mcap", ".bag", ".db3")
 METADATA = "metadata.yaml"  # of a rosbag2 folder
 FRAMES = "TFMessage"  # transforms of many frames
 Joints = str | tuple[str, ...]
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Length = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 
 
 class Topics(BaseModel):

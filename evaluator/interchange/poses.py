@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
 from evaluator.errors import InputError
-from evaluator.files import read_with, refuse_stream
+from evaluator.files import quoted, read_with, refuse_stream
 from evaluator.files.csv_tables import line_of, numbers_of, read_table, separator_line
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
 from evaluator.interchange.delimited_text import cells_of, delimiter_of
@@ -266,7 +266,8 @@ def _column(path: Path, table: pd.DataFrame, name: str) -> Array:
     bad = values.isna() & table[name].notna()
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        raise InputError(f"{path}: line {line_of(table, row)}, {name} = {table[name].iloc[row]!r} is not a number")
+        cell = quoted(table[name].iloc[row])
+        raise InputError(f"{path}: line {line_of(table, row)}, {name} = {cell} is not a number")
     return values.to_numpy(float)
 
 

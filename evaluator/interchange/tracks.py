@@ -46,8 +46,8 @@ class Tracks(BaseModel):
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
     unit: Literal["px", "um", "mm", "cm", "m", "inch"] | None = None
-    rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    likelihood: Annotated[float, Field(ge=0, le=1)] = 0.6
+    rate_hz: Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)] | None = None
+    likelihood: Annotated[float, Field(strict=True, ge=0, le=1)] = 0.6
 
     @model_validator(mode="before")
     @classmethod

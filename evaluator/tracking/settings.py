@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Box = tuple[Finite, Finite, Finite, Finite]  # left, top, right, bottom in px
 
 _PRESETS = tomllib.loads(files("evaluator.tracking").joinpath("colors.toml").read_text(encoding="utf-8"))
@@ -88,8 +88,8 @@ class TrackingSettings(Table):
     region_px: Box | None = None
     mask_px: tuple[Box, ...] = ()
     distance_diameters: Finite | None = Field(default=3.66, gt=0)
-    exposure: Annotated[float, Field(ge=0, le=1)] | None = None
-    readout_ms: Annotated[float, Field(ge=0, lt=1000)] = 0.0
+    exposure: Annotated[float, Field(strict=True, ge=0, le=1)] | None = None
+    readout_ms: Annotated[float, Field(strict=True, ge=0, lt=1000)] = 0.0
 
     @field_validator("mark", mode="before")
     @classmethod

@@ -206,7 +206,7 @@ def _written(path: Path) -> Written | None:
     try:
         refuse_stream(path)
         return Written(path, tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
 
 

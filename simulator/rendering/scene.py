@@ -64,7 +64,7 @@ class Scene(SceneBase):
     kind: Literal["run"] = "run"
     robot: str = "barrel"  # shipped robot or robot.toml
     effect: tuple[EffectEntry, ...] = ()  # effects added to the robot in this scene
-    duration_s: Annotated[float, Field(gt=0, le=36_000)]
+    duration_s: Annotated[float, Field(strict=True, gt=0, le=36_000)]
     frame_rate: Rate = Fraction(60)
     motion: Motion
     marks: MarksLook = MarksLook()
@@ -105,7 +105,7 @@ class GaugeScene(SceneBase):
     y_mm: Finite = 0.0  # of the middle of the gauge
     height_mm: Finite = 0.0  # above the plate
     turn_deg: Finite = 0.0
-    tilt_deg: Annotated[float, Field(gt=-85, lt=85)] = 0.0
+    tilt_deg: Annotated[float, Field(strict=True, gt=-85, lt=85)] = 0.0
     tilt_azimuth_deg: Finite = 0.0
     margin_mm: NotNegative = 3.0  # of the sheet around the dots
     paper: Share = 0.82  # reflectance

@@ -18,10 +18,10 @@ from calibration.store import load_camera
 from simulator.errors import SimulationError
 from simulator.mark_layout import Mark
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(strict=True, ge=0, le=1)]
 Point = tuple[Finite, Finite]
 Light = tuple[NotNegative, NotNegative, NotNegative]
 
@@ -50,7 +50,7 @@ class CameraTable(Table):
     size_px: tuple[Annotated[int, Field(ge=16, le=16384)], Annotated[int, Field(ge=16, le=16384)]] = (640, 480)
     focal_px: Positive = 2250.0
     distance_mm: Positive = 150.0  # of the lens above the plate
-    tilt_deg: Annotated[float, Field(gt=-80, lt=80)] = 0.0  # of the optical axis from the vertical
+    tilt_deg: Annotated[float, Field(strict=True, gt=-80, lt=80)] = 0.0  # of the optical axis from the vertical
     tilt_azimuth_deg: Finite = 0.0  # direction of the tilt in the plate frame
     turn_deg: Finite = 0.0  # rotation about the optical axis
     center_mm: Point = (0.0, 0.0)  # point of the plate on the optical axis
@@ -69,7 +69,7 @@ class CameraTable(Table):
 class Optics(Table):
     """Gaussian lens blur and vignetting."""
 
-    blur_px: Annotated[float, Field(ge=0, le=30)] = 0.8  # standard deviation
+    blur_px: Annotated[float, Field(strict=True, ge=0, le=30)] = 0.8  # standard deviation
     vignetting: Share = 0.15  # share of the light lost in the corners
 
 
@@ -134,7 +134,7 @@ def _mark_colors() -> dict[str, Light]:
 class Lighting(Table):
     """Uneven light: a linear gradient across the image, and a step in time."""
 
-    gradient: Annotated[float, Field(ge=0, lt=1)] = 0.0  # relative change across the image
+    gradient: Annotated[float, Field(strict=True, ge=0, lt=1)] = 0.0  # relative change across the image
     gradient_direction_deg: Finite = 0.0
     switched_at_s: Finite | None = None  # time before which the light has level_before
     level_before: NotNegative = 0.25
@@ -198,7 +198,7 @@ class Encoding(Table):
     """Encoding of the video. "lossless" is H.264 in RGB at quantiser 0; ffv1 also stores 10 and 16 bits."""
 
     codec: Literal["h264", "lossless", "ffv1", "mjpeg"] = "h264"
-    crf: Annotated[float, Field(ge=0, le=51)] = 18.0  # of H.264
+    crf: Annotated[float, Field(strict=True, ge=0, le=51)] = 18.0  # of H.264
     preset: Preset | None = None  # of H.264; default fast, for lossless ultrafast
     quality: Annotated[int, Field(ge=1, le=31)] = 3  # of Motion JPEG; 1 is best
     chroma: Literal["420", "422", "444"] = "420"  # subsampling

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, Field, ValidationError
 
+from evaluator import settings
 from evaluator.errors import InputError
 from evaluator.files import explain, read_with
 from evaluator.files.writing import written_whole
@@ -17,6 +18,7 @@ from evaluator.interchange.tracks import program_of
 from evaluator.marks import read_marks
 from evaluator.tracking.corrections import read_corrections
 from evaluator.workflow.checks import check_experiment
+from evaluator.workflow.results.validity import file_hash
 from simulator.robot import load_robot, shipped_robot_text
 
 
@@ -144,6 +146,7 @@ def test_a_name_that_no_file_can_have_is_shown_as_it_was_written() -> None:
         program_of,
         read_corrections,
         lambda path: read_with(Path.read_text, path),
+        file_hash,
         check_experiment,
     ],
 )
@@ -158,6 +161,30 @@ def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(
             read(tmp_path / "p.toml")
         fault = str(error.value)
     assert fault.startswith(f"{tmp_path / 'p.toml'}: is a pipe or a device")
+
+
+def test_lists_in_lists_without_end_are_a_fault_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "experiment.toml"
+    path.write_text(f"a = {'[' * 20_000}{']' * 20_000}", encoding="utf-8")
+    (fault,) = check_experiment(path).faults
+    assert fault == f"{path}: its lists or tables are nested too deeply"
+
+
+def test_of_a_cell_of_megabytes_the_beginning_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text(f"time_s,green_x_mm,green_y_mm\n{'9x' * 10**6},1,2\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 2, time_s = '9x9x9x.*… is not a number") as error:
+        read_marks(path)
+    assert len(str(error.value)) < 400 + len(str(path))
+
+
+@pytest.mark.parametrize("written", ["true", '"33.3"'])
+def test_a_number_is_neither_true_nor_a_word(written: str, tmp_path: Path) -> None:
+    path = tmp_path / "experiment.toml"
+    run = f'[[run]]\nid = "a"\nmarks = "m.csv"\nleft_rpm = {written}\nright_rpm = 3\n'
+    path.write_text(f'format = 1\nname = "n"\nrobot = "barrel"\n{run}', encoding="utf-8")
+    with pytest.raises(InputError, match=r"run\[1\].left_rpm = .*: should be a number"):
+        read_with(settings.load_experiment, path)
 
 
 def test_a_folder_in_place_of_a_file_names_the_file_in_it(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from evaluator.files import write_text
+from evaluator.files import refuse_stream, write_text
 
 PACKAGES = ("calibration", "simulator", "evaluator")
 LIBRARIES = ("numpy", "scipy", "pandas", "opencv-python-headless", "av", "numba")  # on which results depend
@@ -23,7 +23,11 @@ NOT_RESULTS = ("cli", "report", "studio")  # folders of the evaluator on which n
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file's content; of a folder, of the names and contents of the files in it."""
+    """SHA-256 of a file's content; of a folder, of the names and contents of the files in it.
+
+    Raises OSError if it cannot be read, InputError for a pipe or a device, which would be waited for or has no end.
+    """
+    refuse_stream(Path(path))
     if Path(path).is_dir():
         files = sorted(file for file in Path(path).iterdir() if file.is_file())
         names = "".join(f"{file.name}\0{file_hash(file)}\n" for file in files)

@@ -77,7 +77,7 @@ class Job:
     def keys(self) -> dict[str, str]:
         """Hash of the inputs of each stage; it includes the key of the stage before.
 
-        Raises OSError if an input cannot be read.
+        Raises OSError or InputError if an input cannot be read.
         """
         track = key_of(
             {
@@ -224,7 +224,7 @@ def known_result(job: Job) -> RunResult | None:
     record = job.record()
     try:
         keys = job.keys()
-    except OSError as error:
+    except (OSError, InputError) as error:
         return failed(job, error)
     values = {stage: record.fresh(stage, keys[stage]) for stage in job.stages}
     there = {stage: value for stage, value in values.items() if value is not None}

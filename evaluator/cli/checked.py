@@ -1,7 +1,8 @@
-"""Refusal of output files that a command reads as well, or that it would write twice."""
+"""What every command checks before it begins: its numbers, and that it replaces nothing that it reads."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import wraps
 from pathlib import Path
@@ -16,23 +17,33 @@ WRITTEN = (
 )
 
 
-def without_overwriting(command: click.Command) -> click.Command:
-    """The command, which refuses output files that replace what it reads: a recording, a robot file, a gauge file."""
+def checked(command: click.Command) -> click.Command:
+    """The command, which refuses NaN, and output files that replace what it reads: a recording, a robot file."""
     callback = command.callback
-    if callback is None or hasattr(callback, "__wrapped_for_safety__"):
+    if callback is None or hasattr(callback, "__is_checked__"):
         return command
 
     @wraps(callback)
     def safely(*args: Any, **given: Any) -> Any:
-        _refuse(click.get_current_context())
+        _refuse_nan(click.get_current_context())
+        _refuse_overwriting(click.get_current_context())
         return callback(*args, **given)
 
-    safely.__dict__["__wrapped_for_safety__"] = True
+    safely.__dict__["__is_checked__"] = True
     command.callback = safely
     return command
 
 
-def _refuse(context: click.Context) -> None:
+def _refuse_nan(context: click.Context) -> None:
+    """Raise BadParameter for an option that is NaN, which every comparison lets pass, as those of bounds."""
+    for item in context.command.params:
+        given = context.params.get(str(item.name))
+        values = given if isinstance(given, tuple) else (given,)
+        if any(isinstance(value, float) and math.isnan(value) for value in values):
+            raise click.BadParameter("nan is no number.", context, item)
+
+
+def _refuse_overwriting(context: click.Context) -> None:
     """Raise InputError if an output is an input, by whatever name, or the same as another output."""
     named = {item.name: item for item in context.command.params if context.params.get(str(item.name))}
     outputs = {name: Path(context.params[name]) for name in WRITTEN if name in named}

@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 import pytest
 
+from evaluator.cli.checked import WRITTEN
 from evaluator.cli.group import COMMANDS, turnscope
-from evaluator.cli.overwriting import WRITTEN
 from evaluator.errors import InputError
 from evaluator.workflow import Outputs, analyze, diagnose, export
 from evaluator.workflow.analysis import measure
@@ -141,3 +141,18 @@ def test_a_diagnosis_does_not_replace_its_robot_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"robot_with_effect.toml: is read"):
         diagnose(experiment, tmp_path / "out", workers=1)
     assert robot.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "diagnose experiment.toml --seconds nan",
+        "track film.mp4 -o m.csv --height-mm nan",
+        "turning film.mp4 --scale-px 1 2 3 nan",
+    ],
+)
+def test_an_option_that_is_no_number_is_refused(words: str, folder: Path) -> None:
+    (folder / "experiment.toml").write_text(EXPERIMENT.format(marks="log.csv"), encoding="utf-8")
+    done = run(*words.split())
+    assert isinstance(done.exception, click.BadParameter) or done.exit_code == 2
+    assert "nan is no number" in str(done.exception) + done.output
