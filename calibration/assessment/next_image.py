@@ -209,7 +209,8 @@ def next_image(found: Calibration, height_mm: float) -> NextImage | None:
     gauge is untilted or has one of eight sides tilted toward the camera.
     """
     known = Information(found, height_mm)
-    before = known.place_sigma_mm()
+    # with what the images leave open of the lens model, which is chosen anew with the next one
+    before = float(np.sqrt(np.nanmean(place_sigmas_mm(found.camera.with_exact_pitch(), height_mm) ** 2)))
     whole = _whole_gauge(found)
     best: NextImage | None = None
     for row, line in enumerate(ROWS):

@@ -34,7 +34,7 @@ from calibration.estimation.focal_of_images import covariance_by_focal, focal_di
 from calibration.estimation.gauge_as_printed import FOREIGN_PITCH, as_printed, stretch
 from calibration.estimation.gauge_tolerance import change_by_pitch, covariance_with_tolerance
 from calibration.estimation.initial_values import rough_prior
-from calibration.estimation.model_choice import Trial
+from calibration.estimation.model_choice import Trial, focal_of_lens_models
 from calibration.gauge.geometry import Gauge
 
 Array = NDArray[np.float64]
@@ -196,7 +196,7 @@ def _solved(
     _check_pitch(fit, used, gauge)
     flatness = _flatness(fit, used, gauge, prior)
     return Calibration(
-        camera=_camera(fit, used, gauge, flatness, size_px),
+        camera=_camera(fit, used, gauge, flatness, size_px, trials),
         gauge=gauge,
         stated=stated,
         sightings=tuple(sightings),
@@ -270,7 +270,14 @@ def _check_left_out(views: list[View], used: list[View]) -> None:
             )
 
 
-def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None, size_px: tuple[int, int]) -> Camera:
+def _camera(
+    fit: Fit,
+    views: list[View],
+    gauge: Gauge,
+    flatness: Flatness | None,
+    size_px: tuple[int, int],
+    trials: Sequence[Trial],
+) -> Camera:
     free = fit.state.free_index
     bent = flatness if flatness is not None and flatness.used else None
     scale = gauge.scale_sigma if bent is None else float(np.hypot(gauge.scale_sigma, bend_scale(bent)))
@@ -283,7 +290,8 @@ def _camera(fit: Fit, views: list[View], gauge: Gauge, flatness: Flatness | None
     covariance += np.outer(pitch_error, pitch_error)
     if bent is not None:
         covariance[POSE, POSE] += rest_covariance(bent, gauge, fit.state.poses[0])
-    covariance += covariance_by_focal(focal_difference(views, fit), fit.state.parameters(0))
+    for difference in (focal_difference(views, fit), focal_of_lens_models(trials, views)):
+        covariance += covariance_by_focal(difference, fit.state.parameters(0))
     return Camera(
         size_px=size_px,
         parameters=fit.state.parameters(0),

@@ -16,6 +16,7 @@ from calibration.errors import CalibrationError
 from calibration.estimation import calibrate
 from calibration.estimation.bundle_adjustment import (
     LENS_PARAMETERS,
+    Fit,
     State,
     _moved,
     _normal,
@@ -38,6 +39,7 @@ from calibration.estimation.flatness import (
 )
 from calibration.estimation.gauge_tolerance import change_by_pitch, with_tolerance
 from calibration.estimation.initial_values import rough_pose, rough_prior
+from calibration.estimation.model_choice import Trial
 from calibration.estimation.robust import robust_scale
 from calibration.gauge.geometry import Tolerance
 from tests.calibration.bundles import FREE, GAUGE, LOOSE, STEPS, bundle, moved_by, seen
@@ -314,12 +316,17 @@ def test_centre_of_a_discs_image_through_a_lens_is_that_of_the_ellipse_nearest_t
     assert found == pytest.approx(nearest_ellipse(rim), abs=1e-4)
 
 
+def alone(fit: Fit) -> list[Trial]:
+    """The trials of a search that knows one lens model."""
+    return [Trial("brown", fit.state.free, fit, 1.0)]
+
+
 @pytest.mark.parametrize("pitch_percent", [0.0, 0.2])
 def test_camera_has_the_covariance_of_its_solve_and_the_error_of_the_pitch(pitch_percent: float) -> None:
     views, state = bundle(3)
     fit = solve(views, state, LOOSE)
     gauge = gauge_of(columns=11, rows=8, pitch_tolerance_percent=pitch_percent)
-    camera = calibrate._camera(fit, views, gauge, None, (400, 300))
+    camera = calibrate._camera(fit, views, gauge, None, (400, 300), alone(fit))
     joint = np.linalg.inv(fit.normal) * fit.variance
     exact = camera.with_exact_pitch().covariance
     names = [*FREE, *PARAMETERS[:6]]  # the pose in the first image follows the lens
@@ -337,7 +344,7 @@ def test_camera_of_a_bent_gauge_has_the_rest_of_its_face_and_a_wider_pitch() -> 
     fit = solve(views, state, LOOSE)
     bent = Flatness(np.zeros(1), np.zeros((1, 1)), 0.12, 0.1, 0.14, 0.12**2, 0.004)
     plain, found, flat = (
-        calibrate._camera(fit, views, GAUGE, flatness, (400, 300))
+        calibrate._camera(fit, views, GAUGE, flatness, (400, 300), alone(fit))
         for flatness in (None, bent, replace(bent, used=False))
     )
     rest = rest_covariance(bent, GAUGE, fit.state.poses[0])

@@ -19,7 +19,7 @@ from calibration.estimation.bundle_adjustment import (
 )
 from calibration.estimation.calibrate import Faults, _check_left_out, _check_pitch
 from calibration.estimation.gauge_as_printed import _faces
-from calibration.estimation.model_choice import Trial, _every, _fold, _held_out, choose_model
+from calibration.estimation.model_choice import Trial, _every, _fold, _held_out, choose_model, focal_of_lens_models
 from calibration.estimation.robust import robust_scale
 from tests.calibration.bundles import CAMERA, GAUGE, LOOSE, bundle
 from tests.calibration.drawing import gauge_of
@@ -55,6 +55,34 @@ def test_a_dot_that_contradicts_all_others_counts_as_much_as_five_usual_residual
     fit = solve(views, state, LOOSE)
     cap = (5.0 * robust_scale(fit.whitened)) ** 2
     assert 176 * (_held_out(views, fit) - usual) == pytest.approx(cap - 2.0, abs=3.0)  # 2: its own share before
+
+
+def trial(focal_px: float, sigma_px: float, held_out: float, *, terms: int = 4, face: int = 0) -> Trial:
+    """A model of so many free terms, of which the focal length is known to sigma_px."""
+    lens = np.array([focal_px, *np.zeros(9)])
+    fit: Any = SimpleNamespace(state=SimpleNamespace(lens=lens), variance=4.0, normal=np.diag([4.0 / sigma_px**2, 1.0]))
+    return Trial("brown", ("focal_px", *"abcdefgh"[: terms - 1]), fit, held_out, face)
+
+
+@pytest.mark.parametrize(
+    ("others", "expected_px"),
+    [
+        ([], 0.0),
+        ([trial(1010.0, 3.0, 1.1)], 10.0),  # as sure, elsewhere
+        ([trial(1000.0, 5.0, 1.1)], 4.0),  # less sure, in the same place: variances of 25 and 9
+        ([trial(1010.0, 5.0, 1.1), trial(1002.0, 3.0, 1.05)], 116**0.5),
+        ([trial(1010.0, 5.0, 1.33)], 0.0),  # worse than four terms are by chance, each 2 · 4 / 100
+        ([trial(1010.0, 5.0, 1.33, terms=5)], 116**0.5),
+        ([trial(1010.0, 5.0, 1.1, face=3)], 0.0),  # of another gauge
+        ([trial(1000.0, 2.0, 1.1)], 0.0),
+    ],
+)
+def test_what_lens_models_disagree_about_is_not_known_of_the_focal_length(
+    others: list[Trial], expected_px: float
+) -> None:
+    view: Any = range(100)
+    found = focal_of_lens_models([trial(1000.0, 3.0, 1.0), *others], [view])
+    assert found == pytest.approx(expected_px / 1000, abs=1e-9)
 
 
 @pytest.mark.parametrize(("dots", "kept"), [(3000, 3000), (4000, 2000), (6100, 2034)])

@@ -120,15 +120,14 @@ def test_the_image_is_named_that_leaves_least_uncertainty(
         def of_image(self, _: View, pose: np.ndarray) -> np.ndarray:
             return pose
 
-        def place_sigma_mm(self, pose: np.ndarray | None = None) -> float:
-            if pose is None:
-                return 9.0
+        def place_sigma_mm(self, pose: np.ndarray) -> float:
             rotation = cv2.Rodrigues(pose[:3])[0]
             ray = rotation @ center + pose[3:]
             at_px = ray[:2] / ray[2] * 1200 + [199.5, 149.5]
             return float(1 + np.hypot(*(at_px - target_px)) / 100 + np.sum((rotation[:, 2] - normal) ** 2) / 10)
 
     monkeypatch.setattr(next_image, "Information", OfPose)
+    monkeypatch.setattr(next_image, "place_sigmas_mm", lambda *_: np.full((2, 3), 9.0))
     straight = camera_above(size_px=SIZE, focal_px=1200, distance_mm=120)
     state = State(straight.pose[None], straight.lens_parameters, "brown", ())
     fit = replace(found.fit, state=state)
