@@ -58,3 +58,42 @@ def test_their_answer_counts_if_it_is_an_effect_that_free_form_terms_have_challe
     given: Any = ("search", before, ready, "session", "progress")
     assert deciding._answered_with_last(*given) == (("wider", more) if taken else ("search", before))
     assert steps == ["answered", *["challenged", "answered"] * challenged]
+
+
+@pytest.mark.parametrize("verdict", ["unknown", "effect", "none", "insufficient"])
+@pytest.mark.parametrize("other", [False, True])
+def test_they_are_asked_beside_an_effect_or_where_nothing_explains_and_profiled_if_they_change_the_answer(
+    verdict: str, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, after = SimpleNamespace(verdict=verdict, chosen=LEVEL), SimpleNamespace(verdict="effect", chosen=ACROSS)
+    profiled: list[Any] = []
+    monkeypatch.setattr(deciding, "_answered", lambda search, *_: (search, before))
+    monkeypatch.setattr(deciding, "fitted_where_absent", lambda *_: False)
+    monkeypatch.setattr(deciding, "profiles_of", lambda search, ids: profiled.append((search, ids)) or {"of": ids})
+    monkeypatch.setattr(deciding, "_answered_with_last", lambda *_: ("wider", after) if other else ("same", before))
+    monkeypatch.setattr(deciding, "_without_contradicted", lambda search, said, _: (search, said))
+    ready: Any = SimpleNamespace(last=LAST, free={}, problem=SimpleNamespace(open_ground=False))
+    given: Any = ("search", ready, "session", "progress")
+    search, said, profiles = deciding.decided(*given)
+    asked = verdict in ("unknown", "effect")
+    assert search == ("search" if not asked else "wider" if other else "same")
+    assert said is (after if asked and other else before)
+    assert profiles == ({"of": said.chosen} if said.verdict == "effect" else {})
+    assert len(profiled) == (verdict == "effect") + (asked and other)
+
+
+@pytest.mark.parametrize("verdict", ["none", "effect", "unknown", "insufficient"])
+@pytest.mark.parametrize("open_ground", [False, True])
+def test_contradicted_tolerances_are_freed_on_a_plate_where_the_model_explains_the_runs(
+    verdict: str, open_ground: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said, freed = SimpleNamespace(verdict=verdict, chosen=LEVEL), SimpleNamespace(verdict=verdict, chosen=LEVEL)
+    monkeypatch.setattr(deciding, "_answered", lambda search, *_: (search, said))
+    monkeypatch.setattr(deciding, "fitted_where_absent", lambda *_: False)
+    monkeypatch.setattr(deciding, "profiles_of", lambda search, _: {"of": search})
+    monkeypatch.setattr(deciding, "_without_contradicted", lambda *_: ("freed", freed))
+    ready: Any = SimpleNamespace(last={}, free={}, problem=SimpleNamespace(open_ground=open_ground))
+    given: Any = ("search", ready, "session", "progress")
+    found = deciding.decided(*given)
+    search = "freed" if verdict in ("none", "effect") and not open_ground else "search"
+    assert found == (search, freed if search == "freed" else said, {"of": search} if verdict == "effect" else {})
