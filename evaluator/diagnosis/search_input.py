@@ -37,7 +37,8 @@ PASSED_S, PASSED_DIGITS = 0.05, 2
 class Prepared:
     """Runs ready for a search: problem, nominal point, visible tolerances, terms by id, ids of user-defined effects.
 
-    last: effects of large robots, which for a small one are sought only if no other effect explains its runs.
+    last: effects of large robots, which for a small one are sought after all others. stated: all tolerances, also of
+    values to which the runs do not respond visibly at the noise of the robot file.
     """
 
     problem: Problem
@@ -46,6 +47,7 @@ class Prepared:
     terms: Mapping[str, Candidate]
     own: frozenset[str] = frozenset()
     last: Mapping[str, Candidate] = field(default_factory=dict)
+    stated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def free(self) -> dict[str, Candidate]:
@@ -86,7 +88,8 @@ def prepared(session: Session, progress: Watch, fits: FitCache | None) -> Prepar
     problem, start = build_problem(data, forward, fits, progress, session.start_sigma_s)
     tolerance = visible_tolerances(problem, start, session.tolerance)
     problem = replace(problem, starts_show=show_starts(problem, start))
-    return Prepared(problem, start, tolerance, terms, frozenset(terms).intersection(session.own), last)
+    own_ids = frozenset(terms).intersection(session.own)
+    return Prepared(problem, start, tolerance, terms, own_ids, last, session.tolerance)
 
 
 def fitted_runs(data: Sequence[RunData]) -> tuple[int, ...]:

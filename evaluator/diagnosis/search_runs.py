@@ -24,7 +24,7 @@ from evaluator.diagnosis.likelihood.noise.common_drift import MIDDLE, CommonNois
 from evaluator.diagnosis.likelihood.noise.friction_wander import USUAL_WANDER
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.preparation import with_noise_of
-from evaluator.diagnosis.search_input import Prepared, fitted_runs
+from evaluator.diagnosis.search_input import Prepared, fitted_runs, visible_tolerances
 from evaluator.progress import Progress
 from simulator.effects.coordinates import Candidate
 
@@ -108,10 +108,10 @@ def _begun(ready: Prepared, runs: Sequence[int]) -> tuple[Search, Point, bool]:
     return part, begin, is_large(part.problem, begin) or is_implausible(begin)
 
 
-def refined(part: Search, nominal: Point, progress: Progress) -> Search:
+def refined(part: Search, ready: Prepared, progress: Progress) -> Search:
     """The search with the noise of its best model, and with fits of effects that may replace one of it."""
     fit_alike(part)
-    part = _with_settled_noise(part, nominal, progress)
+    part = _with_settled_noise(part, ready, progress)
     fit_alike(part)
     _swap(part)
     return part
@@ -130,7 +130,7 @@ def _with_drift(part: Search, begin: Point) -> tuple[Search, Point]:
     return replace(part, problem=with_noise_of(problem, null.point)), null.point
 
 
-def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Search:
+def _with_settled_noise(part: Search, ready: Prepared, progress: Progress) -> Search:
     """The search with the noise from the residuals of its best model, repeated if a misfit had inflated the noise.
 
     Its initial values are the best fits so far: with less noise a misfit amounts to more sigmas, and a fit from the
@@ -146,8 +146,9 @@ def _with_settled_noise(part: Search, nominal: Point, progress: Progress) -> Sea
         ranked, null = part.ranked(), part.null.point
         singles = [ids for ids in ranked if len(ids) == 1]
         seeds = [part.fits[ids] for ids in dict.fromkeys([*singles[:RIVALS_KEPT], *ranked[:RIVALS_KEPT]])]
-        part = part.anew(problem=problem)
-        run_search(part, null, nominal, progress, seeds)
+        # noise that a misfit had inflated hid values that the runs do respond to, and an effect took their place
+        part = part.anew(problem=problem, tolerance=visible_tolerances(problem, null, ready.stated))
+        run_search(part, null, ready.start, progress, seeds)
     return part
 
 

@@ -81,7 +81,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
             rest = session.leaving_out(diverging, DIVERGING)
             return _searched(rest, progress, fits, seeds_without(part, diverging))
         unrefined = part
-        part = refined(part, ready.start, progress)
+        part = refined(part, ready, progress)
         whole, imitating = without_cancelling(fit_on_all_runs(part, ready.terms))
         challenge_with_free_terms(whole, free, progress)
     everything, said, profiles = decided(whole, ready, session, progress)

@@ -99,7 +99,7 @@ def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_a
         assert [given[2] for given in done[-3:]] == [TILT, TILT, frozenset("b")]
     if not open_ground:
         assert [given[1:] for given in done[:4]] == [
-            (done[0][1], no_progress, ()), (NAMED, "start", no_progress), (found.fit_search, {"a": None}),
+            (done[0][1], no_progress, ()), (NAMED, done[0][1], no_progress), (found.fit_search, {"a": None}),
             (found.search, {"free:x": None}, no_progress),
         ]  # fmt: skip
 

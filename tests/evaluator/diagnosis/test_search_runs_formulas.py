@@ -141,19 +141,23 @@ def test_noise_is_settled_twice_at_most_and_the_search_goes_on_from_its_four_bes
         part.fits.update({NONE: fit_of(1.0), frozenset("a"): fit_of(40.0, "anew")})
 
     monkeypatch.setattr(search_runs, "run_search", run_search)
+    # less noise shows values that more hid
+    monkeypatch.setattr(search_runs, "visible_tolerances", lambda problem, _, stated: {**stated, "at": problem})
+    ready: Any = SimpleNamespace(start="nominal", stated={"stated": 0.05})
     first = {"": 0.0, "a": 40.0, "b": 30.0, "c": 20.0, "e": 10.0}
     for given, rounds in (([], 0), (["one"], 1), (["one", "two", "three"], 2)):
         ran.clear()
         worlds[:] = given
-        part = search_runs._with_settled_noise(searching(first), "nominal", no_progress)  # type: ignore[arg-type]
+        part = search_runs._with_settled_noise(searching(first), ready, no_progress)
         assert [problem for problem, *_ in ran] == given[:rounds]
         assert (part.problem in given) == bool(rounds)
+        assert not rounds or part.tolerance == {"stated": 0.05, "at": given[rounds - 1]}
     assert ran[0] == ("one", "nominal", ["a", "b", "c", "e"])
     assert ran[1][2][0] == "anew"
     pairs = {"": 0.0, "a": 40.0, "b": 30.0, "ac": 50.0, "ae": 49.0, "be": 48.0, "ce": 47.0}
     ran.clear()
     worlds[:] = ["one"]
-    search_runs._with_settled_noise(searching(pairs), "nominal", no_progress)  # type: ignore[arg-type]
+    search_runs._with_settled_noise(searching(pairs), ready, no_progress)
     assert ran[0][2] == ["a", "b", "ac", "ae", "be", "ce"]  # single effects, which the additions displaced
 
 
