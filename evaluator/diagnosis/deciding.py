@@ -79,14 +79,17 @@ def _answered_with_last(
 ) -> tuple[Search, Answer]:
     """The search and its answer with the effects of large robots, too, which small ones have only instead of others.
 
-    If one of them explains more, free-form terms are fitted in place of it as well. What nothing explained stays as it
-    is if they do not either.
+    If one of them explains more, free-form terms are fitted in place of it as well. The answer stays as it is if they
+    explain nothing either, or if there is no time for them.
     """
-    wider = _with_last(search, ready.last, said.named)
-    more = _answered(wider, session, ready.free)
-    if more[1].verdict == "effect" and more[1].chosen & set(ready.last):
-        challenge_with_free_terms(wider, ready.free, progress)
+    try:
+        wider = _with_last(search, ready.last, said.named)
         more = _answered(wider, session, ready.free)
+        if more[1].verdict == "effect" and more[1].chosen & set(ready.last):
+            challenge_with_free_terms(wider, ready.free, progress)
+            more = _answered(wider, session, ready.free)
+    except SearchStoppedError:
+        return search, said
     return more if more[1].verdict == "effect" else (search, said)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from evaluator.diagnosis import deciding
+from evaluator.diagnosis.inference.watch import SearchStoppedError
 
 LAST: Any = {"friction-across": "term"}
 ACROSS, LEVEL = frozenset(LAST), frozenset({"friction-level"})
@@ -58,6 +59,12 @@ def test_their_answer_counts_if_it_is_an_effect_that_free_form_terms_have_challe
     given: Any = ("search", before, ready, "session", "progress")
     assert deciding._answered_with_last(*given) == (("wider", more) if taken else ("search", before))
     assert steps == ["answered", *["challenged", "answered"] * challenged]
+
+    def stopped(*_: Any) -> None:
+        raise SearchStoppedError(180.0)
+
+    monkeypatch.setattr(deciding, "_with_last", stopped)
+    assert deciding._answered_with_last(*given) == ("search", before)
 
 
 @pytest.mark.parametrize("verdict", ["unknown", "effect", "none", "insufficient"])
