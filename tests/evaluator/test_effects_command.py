@@ -51,10 +51,13 @@ def test_every_effect_states_law_source_limits_and_parameters(effect_id: str) ->
 
 
 @pytest.mark.parametrize(("effect_id", "told"), [("friction-across", True), ("scrub-torque", False)])
-def test_an_effect_that_a_diagnosis_seeks_for_large_robots_only_says_so(effect_id: str, *, told: bool) -> None:
+def test_an_effect_that_a_diagnosis_seeks_last_for_small_robots_says_so(effect_id: str, *, told: bool) -> None:
     assert EFFECTS[effect_id].of_ground == told
     text = said(effect_id)
-    assert ("more than 45 mm from their middle" in " ".join(text.split())) == told
+    assert (
+        "seeks it last for robots whose wheels are on average less than 45 mm from their middle"
+        in " ".join(text.split())
+    ) == told
 
 
 def test_a_misspelt_effect_is_answered_with_the_nearest() -> None:
