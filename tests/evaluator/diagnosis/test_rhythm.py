@@ -98,6 +98,8 @@ def test_slow_courses_few_runs_and_short_ones_have_no_rhythm() -> None:
         ({"yaw": 0.3}, True),
         ({"shaken": (0.03, 0.0)}, False),  # in all directions of driving
         ({"shaken": (0.03, 0.03), "frequency": 4.0}, False),
+        ({"shaken": (0.03, 0.03), "yaw": 0.03}, True),  # what turns with it is no camera
+        ({"shaken": (0.03, 0.03), "yaw": 0.004}, False),
         ({"shaken": (0.03, 0.0), "turns": 0.0, "frequency": 8.0}, False),  # along all runs, and before they start
         ({"shaken": (0.03, 0.0), "turns": 0.0, "frequency": 8.0, "rest": 0.4}, True),
         ({"shaken": (0.03, 0.0), "turns": 0.0, "frequency": 8.0, "rest": 0.6}, False),

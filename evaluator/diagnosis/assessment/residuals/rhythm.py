@@ -29,7 +29,8 @@ PER_RUN = 4  # frequencies over one more period in a run
 SLOW = 3  # degree of the slow course of a run
 BY = "rhythm"
 # A camera or a plate that shakes moves the marks across the paths of the runs as much as along them, and before the
-# motors start. A speed that oscillated by 6 % moved them 1.8 times as much along, as the marks are beside the centre.
+# motors start. A speed that oscillated by 6 % moved them 1.8 times as much along, as the marks are beside the centre;
+# that of one side by 4 % moved them less along than across, because it turned the robot.
 ALONG, AT_REST = 1.4, 0.5
 
 
@@ -64,7 +65,9 @@ def is_of_robot(problem: Problem, point: Point, beat: Dependence) -> bool:
     frequency, along = beat.sizes[0][0], ways["along_mm_s"]
     beats = np.array([frequency])
     moved, aside = (_squares(times, part, beats)[0][0] for part in (along, across))
-    if beat.quantity == "along_mm_s" and moved < ALONG**2 * aside:
+    turned, whole = _squares(times, ways["yaw_deg_s"], beats)
+    turns = turned[0] >= EXPLAINS * whole  # a camera that shakes shifts marks, and turns nothing
+    if beat.quantity == "along_mm_s" and not turns and moved < ALONG**2 * aside:
         return False
     rest_times, rest = _at_rest(problem, LEAST_PERIODS / frequency)
     if not rest_times:
