@@ -17,6 +17,7 @@ from evaluator.mark_geometry import MarkGeometry
 from evaluator.pose import Poses, poses_from_marks
 from evaluator.robust import sigma_of_bends
 from evaluator.turning import Turning, only_mark
+from evaluator.turning.motion.rest import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, RESTS_S
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
 from simulator.observation import marks_of_run, view_of
@@ -27,10 +28,7 @@ from simulator.simulation import moving_state, simulate
 
 Array = NDArray[np.float64]
 
-RESTS_S = 0.1  # last rest before the motors: nobody releases a robot and switches on faster
-# A robot is elsewhere if so many frames in a row (one or two may be wrong marks) are off by so much (in their noise,
-# and mm, mm, rad: what a camera or a codec does while the robot rests).
-MOVED_FRAMES, MOVED_SIGMAS, LEAST_MOVED = 4, 6.0, (0.02, 0.02, 0.01)
+LEAST_TURNED_RAD = 0.01  # what ONSET_LEAST_MM turns marks about a centre 2 mm away
 LEAST_POSES = 4  # one more than a parabola needs
 START_SPAN_S = 0.25  # recording that determines the start pose: 15 frames at 60/s reduce the noise to a quarter
 
@@ -143,13 +141,12 @@ def _since_moved(poses: Poses, resting: NDArray[np.bool_]) -> NDArray[np.bool_]:
     places = np.column_stack([poses.x_mm[resting], poses.y_mm[resting], poses.heading_rad[resting]])
     last = time > time[-1] - RESTS_S
     off = np.abs(places - np.median(places[last], axis=0))
-    elsewhere = (off > MOVED_SIGMAS * sigma_of_bends(places) + LEAST_MOVED).any(axis=1)
-    if len(time) < MOVED_FRAMES or elsewhere[last].any():
+    least = np.array([ONSET_LEAST_MM, ONSET_LEAST_MM, LEAST_TURNED_RAD])
+    elsewhere = (off > ONSET_SIGMAS * sigma_of_bends(places) + least).any(axis=1)
+    in_a_row = np.convolve(elsewhere, np.ones(MOVING_FRAMES))[: len(time)] == MOVING_FRAMES  # up to each frame
+    if elsewhere[last].any() or not in_a_row.any():
         return np.ones(len(time), dtype=np.bool_)
-    moved = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(elsewhere, MOVED_FRAMES).all(axis=1))
-    if not len(moved):
-        return np.ones(len(time), dtype=np.bool_)
-    return np.asarray(time > min(time[moved[-1] + MOVED_FRAMES - 1] + RESTS_S, time[-1] - RESTS_S))
+    return np.asarray(time > min(time[in_a_row].max() + RESTS_S, time[-1] - RESTS_S))
 
 
 def comparison_row(turning: dict[str, Any], poses: Poses, seen: Poses, read: Turning) -> dict[str, Any]:

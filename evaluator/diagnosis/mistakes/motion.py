@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.robust import PER_MEDIAN, robust_sigma
+from evaluator.turning.motion.rest import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, RESTS_S
 
 Floats = NDArray[np.float64]
 
 WINDOW_S = 0.15  # of a velocity: nine frames at 60/s, shorter than any push by hand
 ONSET_SPAN_S = 0.4  # motion from which the onset is extrapolated, at most; over so short a path, it is a steady arc
 ONSET_TURN_RAD = np.pi  # largest turn in it: a fast pivot has turned by more in ONSET_SPAN_S, and comes back
-ONSET_SIGMAS, ONSET_LEAST_MM = 6.0, 0.02  # distance from the rest position, in its scatter and in mm, that shows motion
-MOVING_FRAMES = 4  # consecutive frames: one or two may be noise, or wrong marks in succession
 STAYS_AWAY = 0.8  # of the frames in ONSET_SPAN_S: noise that a tracker smoothed over nine frames returns within five
 FEWEST_AT_REST = 3  # one wrong frame does not move their median
 SHORTEST_GAP_S, LONGEST_GAP_S = 0.1, 1.0  # shorter gaps are too short for a hand; after longer ones nothing is known
@@ -28,7 +27,6 @@ LEAST_LEAP_MM = 0.2  # three times the largest of 24 errors of tracking over a g
 # The largest of about ten values along a rippled run is nearly the largest that occurs: twice as much is no ripple.
 UNSTEADY_TIMES = 2.0
 REST_S = 0.08  # beginning of a recording in which the robot is assumed at rest, unless it moves
-RESTS_S = 0.1  # shortest rest between hand and motors: nobody releases the robot and switches on faster
 CARRIED_SHARE = 0.1  # of the distance of the marks, a third of a millimetre: hands carry a robot farther
 # A start is soft if a parabola fits its way better than a line by so many sigmas: of 2,400 starts at once, 19 were
 # taken for soft ones by chance, all at 0.2 mm/s.

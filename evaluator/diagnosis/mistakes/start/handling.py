@@ -10,16 +10,10 @@ from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.jump import jump
-from evaluator.diagnosis.mistakes.motion import (
-    CARRIED_SHARE,
-    MOVING_FRAMES,
-    ONSET_LEAST_MM,
-    ONSET_SIGMAS,
-    RESTS_S,
-    arm_mm,
-)
+from evaluator.diagnosis.mistakes.motion import CARRIED_SHARE, arm_mm
 from evaluator.diagnosis.mistakes.outrun import taken_away_s
 from evaluator.robust import sigma_of_bends
+from evaluator.turning.motion.rest import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, RESTS_S
 
 # Starts are known more accurately than the first (late_start.LATE_S), and motors run down within the second.
 BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
