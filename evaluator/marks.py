@@ -121,7 +121,7 @@ def check_marks(table: pd.DataFrame, path: Path) -> None:
     if len(back):
         before, after, line = time[back[0]], time[back[0] + 1], line_of(table, back[0] + 1)
         raise InputError(
-            f"{path}: line {line}, time_s = {after:.9g} does not come after {before:.9g} of the line before; "
+            f"{path}: line {line}, time_s = {after:.15g} does not come after {before:.15g} of the line before; "
             "time_s must increase from row to row"
         )
     for name in table:

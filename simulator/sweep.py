@@ -6,7 +6,6 @@ Every run is determined by its number, so that parts can be computed anywhere an
 from __future__ import annotations
 
 import difflib
-import itertools
 import math
 import tomllib
 from pathlib import Path
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 COMMAND_KEYS = {"left_rpm": 0.0, "right_rpm": 0.0, "start_s": 0.0}
 START_KEYS = {"start.x_mm": 0.0, "start.y_mm": 0.0, "start.heading_deg": 0.0}
 EFFECT_PREFIX = "effect."
+MOST_RUNS = 10_000_000  # some hours on two cores
 RESULTS = ("x_mm", "y_mm", "heading_deg", "speed_mm_s", "yaw_rate_deg_s", "radius_mm")
 
 
@@ -35,38 +35,62 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Span(Table):
-    """Evenly spaced values, both ends included."""
+class Axis(Table):
+    """Values of a key on the grid: those of a list, or evenly spaced ones, both ends included."""
 
-    low: Finite
-    high: Finite
-    count: int = Field(ge=1)
+    values: list[Finite] | None = None
+    low: Finite = 0.0
+    high: Finite = 0.0
+    count: int = Field(default=0, ge=1)
 
-    def values(self) -> list[float]:
-        """The values."""
-        return [float(value) for value in np.linspace(self.low, self.high, self.count)]
+    @model_validator(mode="before")
+    @classmethod
+    def _list_or_span(cls, given: Any) -> Any:
+        if isinstance(given, list):
+            return {"values": given}
+        if isinstance(given, dict) and set(given) != {"low", "high", "count"}:
+            raise ValueError("should be a list of values, or have low, high and count")
+        return given
+
+    def __len__(self) -> int:
+        """Number of values."""
+        return self.count if self.values is None else len(self.values)
+
+    def value(self, number: int) -> float:
+        """One of the values, by its number from 0."""
+        if self.values is not None:
+            return float(self.values[number])
+        share = number / max(self.count - 1, 1)
+        return float((1 - share) * self.low + share * self.high)
 
 
-class Uniform(Table):
-    """Random values between two bounds."""
+class Drawn(Table):
+    """Random values: evenly distributed between two bounds, or normal."""
 
-    low: Finite
-    high: Finite
+    low: Finite = 0.0
+    high: Finite = 0.0
+    mean: Finite = 0.0
+    sigma: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _either(cls, given: Any) -> Any:
+        if isinstance(given, dict) and set(given) not in ({"low", "high"}, {"mean", "sigma"}):
+            raise ValueError("should have low and high, or mean and sigma")
+        return given
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.low > self.high:
+            raise ValueError(f"low = {self.low:g} is above high = {self.high:g}; exchange them")
+        return self
 
     def draw(self, generator: np.random.Generator) -> float:
         """One value."""
-        return float(generator.uniform(self.low, self.high))
-
-
-class Normal(Table):
-    """Random values with a mean and a standard deviation."""
-
-    mean: Finite
-    sigma: Positive
-
-    def draw(self, generator: np.random.Generator) -> float:
-        """One value."""
-        return float(generator.normal(self.mean, self.sigma))
+        drawn = (
+            generator.uniform(self.low, self.high) if self.sigma is None else generator.normal(self.mean, self.sigma)
+        )
+        return float(drawn)
 
 
 def _flat(table: Any) -> Any:
@@ -97,8 +121,8 @@ class Sweep(Table):
     samples: int = Field(default=1, ge=1)  # random samples of each grid point
     seed: int = 0
     fixed: Annotated[dict[str, Finite], BeforeValidator(_flat)] = Field(default_factory=dict)  # value by key
-    grid: Annotated[dict[str, Span | list[Finite]], BeforeValidator(_flat)] = Field(default_factory=dict)
-    random: Annotated[dict[str, Uniform | Normal], BeforeValidator(_flat)] = Field(default_factory=dict)
+    grid: Annotated[dict[str, Axis], BeforeValidator(_flat)] = Field(default_factory=dict)
+    random: Annotated[dict[str, Drawn], BeforeValidator(_flat)] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _each_key_once(self) -> Self:
@@ -106,30 +130,28 @@ class Sweep(Table):
         twice = sorted({key for key in keys if keys.count(key) > 1})
         if twice:
             raise ValueError(f"{', '.join(twice)} is in more than one of fixed, grid and random")
-        empty = [key for key, values in self.grid.items() if isinstance(values, list) and not values]
+        empty = [key for key, axis in self.grid.items() if not len(axis)]
         if empty:
             raise ValueError(f"grid.{empty[0]} is empty")
+        if self.count() > MOST_RUNS:
+            raise ValueError(
+                f"the grid and its samples are {self.count():.3g} runs; at most {MOST_RUNS:,} are simulated"
+            )
         return self
 
-    def axes(self) -> dict[str, list[float]]:
-        """Values of the grid by key."""
-        return {key: item.values() if isinstance(item, Span) else list(item) for key, item in self.grid.items()}
-
-    def __len__(self) -> int:
+    def count(self) -> int:
         """Number of runs."""
-        return math.prod(len(values) for values in self.axes().values()) * self.samples
+        return math.prod(map(len, self.grid.values())) * self.samples
 
     def points(self, start: int, stop: int) -> list[dict[str, float]]:
         """Keys and values of runs start to stop."""
-        axes = self.axes()
-        first, last = start // self.samples, (max(stop, start + 1) - 1) // self.samples + 1
-        nodes = list(itertools.islice(itertools.product(*axes.values()), first, last))
-        found = []
+        sizes, found = [*map(len, self.grid.values())], []
         for number in range(start, stop):
+            places = np.unravel_index(number // self.samples, sizes) if sizes else ()
+            node = {key: axis.value(int(k)) for (key, axis), k in zip(self.grid.items(), places, strict=True)}
             generator = np.random.default_rng([self.seed, number])
             drawn = {key: item.draw(generator) for key, item in self.random.items()}
-            node = nodes[number // self.samples - first]
-            found.append(self.fixed | dict(zip(axes, node, strict=True)) | drawn)
+            found.append(self.fixed | node | drawn)
         return found
 
 
@@ -148,8 +170,6 @@ def load_sweep(path: Path) -> Sweep:
 def robot_of_sweep(sweep: Sweep) -> Robot:
     """The robot of a sweep, keys checked against it. Raises as load_robot does, and SimulationError for a bad key."""
     robot = load_robot(sweep.robot)
-    if not len(sweep):
-        raise SimulationError(f"{sweep.name}: the sweep holds no run")
     try:
         changed(robot, sweep.points(0, 1)[0])
     except ValidationError as error:

@@ -17,15 +17,18 @@ WRITTEN = (
 )
 
 
+UNLIMITED = ("seconds",)  # parameters that may be infinite
+
+
 def checked(command: click.Command) -> click.Command:
-    """The command, which refuses NaN, and output files that replace what it reads: a recording, a robot file."""
+    """The command, which refuses NaN, infinity, and output files that replace what it reads: a recording, a robot."""
     callback = command.callback
     if callback is None or hasattr(callback, "__is_checked__"):
         return command
 
     @wraps(callback)
     def safely(*args: Any, **given: Any) -> Any:
-        _refuse_nan(click.get_current_context())
+        _refuse_no_number(click.get_current_context())
         _refuse_overwriting(click.get_current_context())
         return callback(*args, **given)
 
@@ -34,13 +37,14 @@ def checked(command: click.Command) -> click.Command:
     return command
 
 
-def _refuse_nan(context: click.Context) -> None:
-    """Raise BadParameter for an option that is NaN, which every comparison lets pass, as those of bounds."""
+def _refuse_no_number(context: click.Context) -> None:
+    """Raise BadParameter for an option that is NaN, which every comparison lets pass, or infinite, but for a limit."""
     for item in context.command.params:
         given = context.params.get(str(item.name))
         values = given if isinstance(given, tuple) else (given,)
-        if any(isinstance(value, float) and math.isnan(value) for value in values):
-            raise click.BadParameter("nan is no number.", context, item)
+        for value in (value for value in values if isinstance(value, float) and not math.isfinite(value)):
+            if math.isnan(value) or item.name not in UNLIMITED:
+                raise click.BadParameter(f"{value} is no number.", context, item)
 
 
 def _refuse_overwriting(context: click.Context) -> None:

@@ -20,7 +20,10 @@ from evaluator.errors import InputError
 from evaluator.files.reading import refuse_stream
 from evaluator.files.writing import written_whole
 
-FLOAT = "%.9g"
+DIGITS = 9
+FLOAT = f"%.{DIGITS}g"
+TIME, MICROSECONDS = "time_s", 6  # end of the name of a column of times, and digits after their decimal point
+MOST_DIGITS = 17  # of a double
 ROWS = 4096  # converted to text at once; more would take memory without gain in time
 QUOTED = frozenset(',"\r\n')  # characters for which a cell needs quotes
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # beginnings of cells that spreadsheets evaluate
@@ -119,8 +122,8 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
 
 
 def csv_text(table: pd.DataFrame) -> Iterator[str]:
-    """The text of a table in pieces: nine significant digits, NaN as an empty cell, no index."""
-    table = _without_formulas(table)
+    """The text of a table in pieces: nine significant digits, of late times more, NaN as an empty cell, no index."""
+    table = _with_late_times(_without_formulas(table))
     names = table.columns.tolist()
     columns = [_plain(column) for _, column in table.items()]
     plain = [column for column in columns if column is not None]
@@ -141,6 +144,18 @@ def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
                 table = table.assign(**{str(name): column.replace({word: f"'{word}" for word in words})})
     begun = {name: f"'{name}" for name in table.columns if _begins_formula(name)}
     return table.rename(columns=begun) if begun else table
+
+
+def _with_late_times(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with times beyond a thousand seconds as text, to the microsecond: clocks count from a distant start."""
+    for name in [name for name in table if str(name).endswith(TIME)]:
+        column = numbers_of(table[name]).to_numpy(float)
+        latest = np.max(np.abs(column[np.isfinite(column)]), initial=0.0)
+        digits = min(len(str(int(latest))) + MICROSECONDS, MOST_DIGITS)
+        if digits > DIGITS:
+            words = ["" if math.isnan(value) else f"{value:.{digits}g}" for value in column.tolist()]
+            table = table.assign(**{str(name): words})
+    return table
 
 
 def _begins_formula(word: object) -> bool:

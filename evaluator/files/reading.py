@@ -28,7 +28,7 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         reason = _of_folder(path) if path.is_dir() else f"cannot be read ({error.strerror})"
         raise InputError(f"{path}: {reason}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file (byte {error.start} is not UTF-8); save it as UTF-8") from error
+        raise InputError(f"{path}: {_of_bytes(error)}") from error
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not valid TOML: {toml_fault(error, _text_of(path))}") from error
     except ValidationError as error:
@@ -39,6 +39,13 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
         if "embedded null" not in str(error):
             raise
         raise InputError(f"{str(path)!r}: no file can have this name, because of U+0000 in it") from error
+
+
+def _of_bytes(error: UnicodeDecodeError) -> str:
+    """Why bytes are no text in UTF-8, with the remedy."""
+    if b"\0" in error.object:
+        return "is no text but a picture, a recording or another binary file; give a text file"
+    return f"not a text file (byte {error.start} is not UTF-8); save it as UTF-8"
 
 
 def refuse_stream(path: Path) -> None:

@@ -28,7 +28,7 @@ def spacing_fault(poses: Poses) -> str:
     if poses.geometry is None or not np.isfinite(ratio) or abs(np.log(ratio)) < np.log1p(SPACING_SHARE):
         return ""
     nominal = poses.geometry.spacing_mm
-    found = f"the marks are {ratio * nominal:.4g} apart where robot.toml says {nominal:.4g} mm"
+    found = f"the marks are {ratio * nominal:.4g} mm apart where robot.toml says {nominal:.4g} mm"
     for unit, size_mm in MM_PER.items():
         if abs(np.log(ratio * size_mm)) < np.log1p(SPACING_SHARE):
             word = {"inch": "inches", "um": "µm"}.get(unit, unit)

@@ -56,7 +56,7 @@ def run_sweep(
     """
     sweep = read_with(load_sweep, Path(sweep_file))
     robot = read_with(lambda _: robot_of_sweep(sweep), Path(sweep.robot))
-    output, total = Path(output), len(sweep)
+    output, total = Path(output), sweep.count()
     folder = _parts_folder(sweep, robot, output)
     parts = [_Part(sweep, robot, start, min(start + RUNS_A_PART, total)) for start in range(0, total, RUNS_A_PART)]
     missing = [part for part in parts if _kept(folder, part) is None]

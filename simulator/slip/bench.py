@@ -80,7 +80,7 @@ def checked_bench(table: pd.DataFrame, name: str = "bench") -> pd.DataFrame:
         if not fine.all():
             row = int(np.flatnonzero(~fine)[0])
             need = "a positive number" if column in ("normal_force_mN", *SIGMAS) else "a finite number"
-            found = f"line {line_of(table, row)}, {column} = {table[column].iloc[row]!r}"
+            found = f"line {line_of(table, row)}, {column} = {table[column].iloc[row]}"
             raise SimulationError(f"{name}: {found} is not {need}")
     if values.empty:
         raise SimulationError(f"{name}: holds no measurement")

@@ -140,3 +140,28 @@ def test_gauge_without_a_file_writes_the_file_calibrate_needs(tmp_path: Path) ->
 
     assert load_gauge(tmp_path / "sheet.toml").dots.columns == 17
     assert out.read_bytes().endswith(b"%%EOF\n")
+
+
+MADE = ["--columns", "7", "--rows", "5", "--pitch-mm", "3", "--diameter-mm", "1"]
+
+
+def test_a_gauge_file_that_was_edited_is_not_replaced_by_another_sheet(tmp_path: Path) -> None:
+    out = ["-o", str(tmp_path / "gauge.pdf")]
+    assert CliRunner().invoke(command, [*MADE, *out]).exit_code == 0
+    assert CliRunner().invoke(command, [*MADE, *out]).exit_code == 0  # the same again
+    edited = (tmp_path / "gauge.toml").read_text(encoding="utf-8").replace("pitch_mm = 3.0", "pitch_mm = 3.004")
+    (tmp_path / "gauge.toml").write_text(edited, encoding="utf-8")
+    (tmp_path / "gauge.svg").unlink()
+    refused = CliRunner().invoke(command, [*MADE, *out])
+    assert "gauge.toml: is there with another content" in str(refused.exception)
+    assert (tmp_path / "gauge.toml").read_text(encoding="utf-8") == edited
+    assert not (tmp_path / "gauge.svg").exists()
+    assert CliRunner().invoke(command, [str(tmp_path / "gauge.toml"), *out]).exit_code == 0
+
+
+def test_a_sheet_is_written_under_the_name_that_was_given(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(command, [*MADE, "-o", str(tmp_path / "gauge.docx")])
+    assert "gauge.docx: a sheet is written as PDF and SVG" in str(refused.exception)
+    assert not list(tmp_path.iterdir())
+    assert CliRunner().invoke(command, [*MADE, "-o", str(tmp_path / "sheet.SVG")]).exit_code == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"sheet.pdf", "sheet.svg", "sheet.toml"}

@@ -26,7 +26,7 @@ def of_pandas(table: pd.DataFrame) -> str:
 def test_text_of_a_table_is_that_of_pandas_to_the_byte(rows: Sequence[tuple[float, int, str]]) -> None:
     table = pd.DataFrame(
         {
-            "time_s": np.array([row[0] for row in rows], float),
+            "x_mm": np.array([row[0] for row in rows], float),
             "frame": np.array([row[1] for row in rows], int),
             "status": [row[2] for row in rows],
         }
@@ -53,6 +53,28 @@ def test_text_of_a_table_is_that_of_pandas_to_the_byte(rows: Sequence[tuple[floa
 )
 def test_cells_that_need_more_than_writing_down_are_left_to_pandas(table: pd.DataFrame) -> None:
     assert "".join(csv_text(table)) == of_pandas(table)
+
+
+@pytest.mark.parametrize("words", [["ok"] * 5, ['"', "a,b", "", "x", "y"]])
+@pytest.mark.parametrize("begin_s", [0.0, 36_000.0, 1e6, 1.7e9, -1.7e9])
+def test_times_of_a_clock_that_counts_from_long_ago_keep_their_microseconds(
+    words: Sequence[str], begin_s: float, tmp_path: Path
+) -> None:
+    times = begin_s + np.arange(5) / 60
+    write_table(pd.DataFrame({"time_s": [*times[:4], math.nan], "note": words}), tmp_path / "t.csv")
+    written = pd.read_csv(tmp_path / "t.csv")["time_s"]
+    assert written[:4].to_numpy() == pytest.approx(times[:4], rel=0, abs=1e-6)
+    assert math.isnan(written[4])
+    assert len(str(written[0])) < 20
+
+
+def test_times_within_a_thousand_seconds_have_nine_digits_and_no_number_more_than_it_holds() -> None:
+    table = pd.DataFrame({"time_s": [999.1234567891, math.inf, -math.inf], "start_time_s": [1e300, 0.1, 0.2]})
+    assert "".join(csv_text(table)).splitlines()[1:] == [
+        "999.123457,1.0000000000000001e+300",
+        "inf,0.10000000000000001",
+        "-inf,0.20000000000000001",
+    ]
 
 
 def test_a_long_table_is_written_in_pieces_and_each_row_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,7 +53,7 @@ def sweep_file(tmp_path: Path) -> Path:
 def test_runs_do_not_depend_on_how_the_sweep_is_cut(sweep_file: Path) -> None:
     sweep = load_sweep(sweep_file)
     robot = robot_of_sweep(sweep)
-    whole = run_part(sweep, robot, 0, len(sweep))
+    whole = run_part(sweep, robot, 0, sweep.count())
     cut = pd.concat([run_part(sweep, robot, start, min(start + 5, 12)) for start in (0, 5, 10)], ignore_index=True)
     assert len(whole) == 12
     pd.testing.assert_frame_equal(whole, cut)
@@ -91,6 +91,49 @@ def test_a_key_that_is_none_is_named_before_anything_runs(tmp_path: Path, line: 
     with pytest.raises(SimulationError) as caught:
         robot_of_sweep(load_sweep(path))
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (
+            "[grid]\nleft_rpm = { low = 1, high = 2, count = 0 }",
+            "grid.left_rpm.count = 0: should be greater than or equal to 1",
+        ),
+        ("[grid]\nleft_rpm = { low = 1, high = 2 }", "should be a list of values, or have low, high and count"),
+        ("[grid]\nleft_rpm = []", "grid.left_rpm is empty"),
+        ('[grid]\nleft_rpm = [1, "x"]', "grid.left_rpm.values[2] = 'x': should be a number"),
+        ("[random]\nleft_rpm = { low = 2, high = 1.5 }", "low = 2 is above high = 1.5"),
+        ("[random]\nleft_rpm = { low = 2, sigma = 1 }", "should have low and high, or mean and sigma"),
+        ("[random]\nleft_rpm = { mean = 2, sigma = 0 }", "random.left_rpm.sigma = 0: should be greater than 0"),
+        (
+            "[grid]\nleft_rpm = { low = 1, high = 2, count = 1e9 }\nstart_s = { low = 1, high = 2, count = 1e9 }",
+            "the grid and its samples are 1e+18 runs; at most 10,000,000 are simulated",
+        ),
+    ],
+)
+def test_a_grid_or_a_distribution_that_is_none_is_told_in_one_sentence(tmp_path: Path, lines: str, said: str) -> None:
+    path = tmp_path / "sweep.toml"
+    path.write_text(f'format = 1\nname = "bad"\nrobot = "barrel"\nduration_s = 1.0\n{lines}\n', encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        run_sweep(path, tmp_path / "out.csv")
+    assert said in str(caught.value)
+    assert str(caught.value).count("sweep.toml") == 1
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_the_last_keys_of_a_grid_change_first_and_both_ends_are_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.toml"
+    left, start = "{ low = 0.1, high = 0.7, count = 3 }", "{ low = 2, high = 9, count = 1 }"
+    grid = f"left_rpm = {left}\nright_rpm = [5, 6]\nstart_s = {start}"
+    path.write_text(
+        f'format = 1\nname = "g"\nrobot = "barrel"\nduration_s = 1.0\nsamples = 2\n[grid]\n{grid}\n', encoding="utf-8"
+    )
+    sweep = load_sweep(path)
+    found = [tuple(point.values()) for point in sweep.points(0, sweep.count())]
+    assert found[::2] == found[1::2]
+    assert found[::2] == [(x, y, 2.0) for x in (0.1, pytest.approx(0.4), 0.7) for y in (5.0, 6.0)]
+    assert [tuple(point.values()) for point in sweep.points(3, 5)] == found[3:5]
 
 
 def test_parameters_of_one_effect_come_together_and_others_stay_as_they_are() -> None:

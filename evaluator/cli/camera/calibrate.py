@@ -28,7 +28,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 )
 @click.option(
     "--tolerance-um",
-    type=float,
+    type=click.FloatRange(min=0, min_open=True),
     default=10.0,
     show_default=True,
     help="Required 95 % uncertainty of a coordinate, drawn in the maps of the page.",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+ENDINGS = (".pdf", ".svg", "")
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
@@ -44,11 +45,18 @@ def gauge(
         raise InputError(
             "turnscope gauge: expected either a gauge.toml or all of --columns, --rows, --pitch-mm, --diameter-mm"
         )
+    if out.suffix.lower() not in ENDINGS:
+        raise InputError(f"{out}: a sheet is written as PDF and SVG; end its name in .pdf or .svg")
     written = [out.with_suffix(".pdf"), out.with_suffix(".svg")]
     if gauge_file is None:
         gauge_file = out.with_suffix(".toml")
-        name = f"dot plate, {columns} by {rows}"
-        write_text(gauge_file, _toml(name, *numbers))
+        text = _toml(f"dot plate, {columns} by {rows}", *numbers)
+        if gauge_file.exists() and gauge_file.read_bytes() != text.encode():
+            raise InputError(
+                f"{gauge_file}: is there with another content; print it with turnscope gauge {gauge_file}, or give -o "
+                "another name"
+            )
+        write_text(gauge_file, text)
         written.append(gauge_file)
     sheet = gauge_sheet(read_with(load_gauge, gauge_file))
     for path, content in zip(written, (pdf(sheet), svg(sheet)), strict=False):

@@ -8,6 +8,8 @@ import click
 
 from evaluator.cli.options import PATH, quiet_option
 
+KINDS = {".xml": "mjcf", ".mjcf": "mjcf", ".sdf": "sdf"}  # formats by the ending of a file
+
 
 @click.command(
     epilog="\b\nExample:\n  turnscope export-robot barrel --left 33.3 --right 14.4 -o barrel.xml\n"
@@ -18,7 +20,7 @@ from evaluator.cli.options import PATH, quiet_option
     "--format",
     "kind",
     type=click.Choice(["mjcf", "sdf"]),
-    help="mjcf for MuJoCo, sdf for Gazebo. [default: sdf if FILE ends in .sdf, otherwise mjcf]",
+    help="mjcf for MuJoCo, sdf for Gazebo. [default: by the ending of FILE, .xml or .sdf]",
 )
 @click.option("--left", "left_rpm", type=float, default=33.3, show_default=True, help="Command of the turn, rpm.")
 @click.option("--right", "right_rpm", type=float, default=14.4, show_default=True, help="Command of the turn, rpm.")
@@ -32,7 +34,9 @@ def export_robot(robot: str, kind: str | None, left_rpm: float, right_rpm: float
     """
     from evaluator.workflow import export_robot as export
 
-    by_ending = "sdf" if output.suffix.lower() == ".sdf" else "mjcf"
-    lost = export(robot, output, left_rpm, right_rpm, kind or by_ending)
+    ending = output.suffix.lower()
+    if kind is None and ending not in KINDS:
+        raise click.BadParameter(f"{output} ends neither in .xml nor in .sdf: give --format.", param_hint="--out")
+    lost = export(robot, output, left_rpm, right_rpm, kind or KINDS[ending])
     if not quiet:
         click.echo(f"{output}\n\nWhat was lost:\n" + "\n".join(f"- {sentence}" for sentence in lost))

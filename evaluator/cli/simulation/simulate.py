@@ -49,7 +49,7 @@ def simulate(
     """Simulate one run: pose, velocities, and slip and friction of every wheel over time."""
     import math
 
-    from evaluator.files import written_whole
+    from evaluator.files.csv_tables import write_table
     from evaluator.workflow import simulate as simulate_run
     from simulator.run import State
 
@@ -64,8 +64,7 @@ def simulate(
         start=State(x_mm, y_mm, math.radians(heading_deg)),
         rate_hz=rate_hz,
     )
-    with written_whole(output) as temporary:
-        run.to_table().to_csv(temporary, index=False, float_format="%.9g")
+    write_table(run.to_table(), output)
     if run.is_by_chance:
         click.echo(
             "note: the robot may turn differently: it passes an unstable equilibrium, where a small disturbance "

@@ -144,15 +144,25 @@ def test_a_diagnosis_does_not_replace_its_robot_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "said"),
     [
-        "diagnose experiment.toml --seconds nan",
-        "track film.mp4 -o m.csv --height-mm nan",
-        "turning film.mp4 --scale-px 1 2 3 nan",
+        ("diagnose experiment.toml --seconds nan", "nan"),
+        ("track film.mp4 -o m.csv --height-mm nan", "nan"),
+        ("turning film.mp4 --scale-px 1 2 3 nan", "nan"),
+        ("simulate --robot barrel --left 3 --right 2 --duration 1 -o r.csv --heading inf", "inf"),
+        ("simulate --robot barrel --left 3 --right 2 --duration 1 -o r.csv --start-s=-inf", "-inf"),
     ],
 )
-def test_an_option_that_is_no_number_is_refused(words: str, folder: Path) -> None:
+def test_an_option_that_is_no_number_is_refused(words: str, said: str, folder: Path) -> None:
     (folder / "experiment.toml").write_text(EXPERIMENT.format(marks="log.csv"), encoding="utf-8")
     done = run(*words.split())
     assert isinstance(done.exception, click.BadParameter) or done.exit_code == 2
-    assert "nan is no number" in str(done.exception) + done.output
+    assert (
+        f" {said} is no number" in str(done.exception) + done.output or str(done.exception) == f"{said} is no number."
+    )
+
+
+def test_the_limit_of_a_search_may_be_infinite(folder: Path) -> None:
+    (folder / "experiment.toml").write_text(EXPERIMENT.format(marks="log.csv"), encoding="utf-8")
+    done = run("diagnose", "experiment.toml", "--seconds", "inf")
+    assert "is no number" not in str(done.exception) + done.output

@@ -88,7 +88,15 @@ def test_a_robot_is_exported_in_the_form_of_its_file_unless_another_is_named(
     done = run("export-robot", "barrel", "-o", output, *kind)
     assert done.stdout == f"{output}\n\nWhat was lost:\n- the slip curve\n- the magnets\n"
     assert called[0][0] == ("barrel", Path(output), 33.3, 14.4, said)
-    assert run("export-robot", "barrel", "-o", output, "-q").stdout == ""
+    assert run("export-robot", "barrel", "-o", output, *kind, "-q").stdout == ""
+
+
+@pytest.mark.parametrize("output", ["b.urdf", "b"])
+def test_a_robot_file_of_another_ending_needs_a_format(stub: Any, output: str) -> None:
+    called = stub("evaluator.workflow.export_robot", ())
+    done = run("export-robot", "barrel", "-o", output)
+    assert f"{output} ends neither in .xml nor in .sdf: give --format" in str(done.exception) + done.output
+    assert called == []
 
 
 def test_scenes_are_rendered_one_by_one_or_together_and_faults_are_counted(stub: Any) -> None:

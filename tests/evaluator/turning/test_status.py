@@ -38,7 +38,7 @@ def test_distance_within_a_fifth_can_be_right(ratio: float) -> None:
 def test_distance_beyond_a_fifth_is_a_wrong_scale(ratio: float, said: str) -> None:
     fault = spacing_fault(apart(ratio))
     assert fault.startswith("wrong scale: the marks are ")
-    assert f"the marks are {ratio * NOMINAL_MM:.4g} apart where robot.toml says 4 mm, " in fault
+    assert f"the marks are {ratio * NOMINAL_MM:.4g} mm apart where robot.toml says 4 mm, " in fault
     assert said in fault
 
 
