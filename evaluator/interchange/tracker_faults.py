@@ -1,4 +1,4 @@
-"""Faults that trackers leave in their files: last places of lost marks, exchanged marks, and rows written twice."""
+"""Faults that trackers leave in their files: last places of lost marks, exchanged marks, rows twice, coarse times."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.marks import columns_of, is_of_film, points_of
+from evaluator.recording.coarse_clock import even_times
 from evaluator.robust import robust_sigma
 from evaluator.wording import counted
 
@@ -32,9 +33,9 @@ LEAST_SHARE = 0.02  # of this distance: a keystone of the camera changes it by a
 class Mended:
     """Marks of a table as they were before a tracker lost or exchanged them.
 
-    time_s: (n,). places_mm: (n, m, 2) by names, NaN where a mark is missing. exchanged: (n,), lost: (n, m), rows of the
-    table that were wrong. repeated: rows of its file that it lacks because they were written twice. of_film: see
-    marks.is_of_film.
+    time_s: (n,), even if a coarse clock told them; clock_step_s: its step, or 0. places_mm: (n, m, 2) by names, NaN
+    where a mark is missing. exchanged: (n,), lost: (n, m), rows of the table that were wrong. repeated: rows of its
+    file that it lacks because they were written twice. of_film: see marks.is_of_film.
     """
 
     names: tuple[str, ...]
@@ -44,6 +45,7 @@ class Mended:
     lost: NDArray[np.bool_]
     repeated: int = 0
     of_film: bool = False
+    clock_step_s: float = 0.0
 
     @property
     def notes(self) -> list[str]:
@@ -51,6 +53,12 @@ class Mended:
         found, count = [], len(self.time_s)
         if self.repeated:
             found.append(f"{counted(self.repeated, 'row')} written twice, with the same time and places, count once")
+        if self.clock_step_s:
+            interval = float(np.median(np.diff(self.time_s)))
+            found.append(
+                f"time_s is told in steps of {1e3 * self.clock_step_s:.3g} ms by a coarse or rounded clock; the "
+                f"frames lie evenly, {1e3 * interval:.4g} ms apart, and are taken so"
+            )
         if self.exchanged.any():
             first, second = self.names
             rows = f"{self.exchanged.sum()} of {count} rows"
@@ -62,12 +70,13 @@ class Mended:
 
 
 def mended(table: pd.DataFrame, names: Sequence[str]) -> Mended:
-    """Marks of a table (evaluator.marks) in mm with repeated places missing and exchanged marks put back.
+    """Marks of a table (evaluator.marks) in mm with repeated places missing, exchanged marks put back and even times.
 
     Two marks were exchanged where the robot turns by half a revolution at once; the larger part of the rows is assumed
     to be right. Three and more marks are distinguished by their distances.
     """
     time_s, count = table["time_s"].to_numpy(float, copy=True), len(table)
+    time_s, clock_step_s = even_times(time_s) or (time_s, 0.0)
     places = points_of(table, names) if names else np.zeros((count, 0, 2))
     exchanged = np.zeros(count, dtype=np.bool_)
     if len(names) == 2:
@@ -76,12 +85,13 @@ def mended(table: pd.DataFrame, names: Sequence[str]) -> Mended:
     lost = _lost(places)
     places[lost] = np.nan
     repeated = int(table.attrs.get("repeated", 0))
-    return Mended(tuple(names), time_s, places, exchanged, lost, repeated, is_of_film(table))
+    return Mended(tuple(names), time_s, places, exchanged, lost, repeated, is_of_film(table), clock_step_s)
 
 
 def without_faults(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """A marks table in mm without the faults that `mended` finds, whose notes are attrs["faults"] of the result."""
     found, changed = mended(table, names), table.copy()
+    changed["time_s"] = found.time_s
     if found.exchanged.any():
         for name in [str(name) for name in table if str(name).startswith(f"{names[0]}_")]:
             other = f"{names[1]}{name.removeprefix(names[0])}"
