@@ -204,7 +204,7 @@ def fit_on_all_runs(part: Search, terms: Mapping[str, Candidate]) -> Search:
         if ids:
             fit_set(whole, ids, part.fits[ids].point.terms, part.fits[ids])
     explained = whole.explained
-    for ids in [ids for ids in leading if len(ids) > 1]:  # for the drop-one tests
+    for ids in [ids for ids in leading if len(ids) > 1 and explained > -np.inf]:  # for the drop-one tests
         for rest in [ids - {effect} for effect in sorted(ids)]:
             if rest not in whole.fits:
                 origin = part.fits.get(rest) or whole.fits.get(ids) or part.fits[ids]

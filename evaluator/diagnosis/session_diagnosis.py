@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from evaluator.diagnosis.assessment.model_comparison import separations
 from evaluator.diagnosis.assessment.relevance import without_cancelling
 from evaluator.diagnosis.changes.parted_session import parted
@@ -29,6 +31,7 @@ from evaluator.diagnosis.search_runs import (
     seeds_without,
 )
 
+UNDECIDED = ("unknown", "insufficient")
 UNSIMULATED = (
     "the model of the robot file cannot be simulated at its command, as where a robot balances on a motion that the "
     "least disturbance ends: are both right? Then change the command a little"
@@ -55,7 +58,8 @@ def diagnosed(session: Session, progress: Watch, fits: FitCache | None) -> Diagn
 def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | None) -> Diagnosis:
     """The diagnosis again, if values of the laboratory changed within the session, with them free after the change.
 
-    The first one stays if the second is as undecided: what no model follows may look like a change of anything.
+    The first one stays if the second is as undecided, or is about to be: what no model follows may look like a change
+    of anything.
     """
     if found.search is None or found.search.problem.open_ground:
         return found
@@ -63,13 +67,27 @@ def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | Non
     if changed is None:
         return found
     progress("values that changed within the session", 0.1)
-    again = _searched(changed, progress, fits)
-    undecided = ("unknown", "insufficient")
-    return found if found.verdict in undecided and again.verdict in undecided else again
+    if found.verdict not in UNDECIDED:
+        return _searched(changed, progress, fits)
+    try:
+        again = _searched(changed, progress, fits, only_if_explained=True)
+    except SearchStoppedError:
+        return found
+    return found if again.verdict in UNDECIDED else again
 
 
-def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: Sequence[Fit] = ()) -> Diagnosis:
-    """The diagnosis of runs that are sufficient for a search; seeds: initial values from a search of more runs."""
+def _searched(
+    session: Session,
+    progress: Watch,
+    fits: FitCache | None,
+    seeds: Sequence[Fit] = (),
+    *,
+    only_if_explained: bool = False,
+) -> Diagnosis:
+    """The diagnosis of runs that are sufficient for a search; seeds: initial values from a search of more runs.
+
+    only_if_explained: it ends as insufficient where no set of named effects explains the fitted runs.
+    """
     ready = prepared(session, progress, fits)
     free, imitating = ready.free, ""
     if ready.problem.open_ground:
@@ -80,6 +98,8 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         if diverging := part.diverging or diverging_runs(part):
             rest = session.leaving_out(diverging, DIVERGING)
             return _searched(rest, progress, fits, seeds_without(part, diverging))
+        if only_if_explained and part.explained == -np.inf:
+            return Diagnosis("insufficient", "no known effect explains the runs", session)
         unrefined = part
         part = refined(part, ready, progress)
         whole, imitating = without_cancelling(fit_on_all_runs(part, ready.terms))
@@ -110,7 +130,7 @@ def _searched(session: Session, progress: Watch, fits: FitCache | None, seeds: S
         nominal=ready.start,
     )
     found = reviewed(found)
-    if imitating and found.verdict in ("unknown", "insufficient"):
+    if imitating and found.verdict in UNDECIDED:
         found = replace(found, reason=f"{found.reason}; {imitating}")
     if found.verdict != "unknown" or ready.problem.open_ground:
         return found

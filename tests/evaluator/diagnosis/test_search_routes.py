@@ -76,7 +76,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, verdict: str, *, open_ground: boo
     monkeypatch.setattr(deciding, "answer", lambda *_: said)
 
 
-NAMED: Any = SimpleNamespace(name="named", diverging=())  # a search
+NAMED: Any = SimpleNamespace(name="named", diverging=(), explained=-np.inf)  # a search
 ON_PLATE = ["search_named", "refined", "fit_on_all_runs", "challenge_with_free_terms"]
 
 
@@ -270,12 +270,40 @@ def test_values_that_changed_within_the_session_are_freed_and_it_is_diagnosed_ag
     found = {"first": Diagnosis(first, "", session, search=search), "second": Diagnosis(second, "", changed)}
     asked: list[Any] = []
     monkeypatch.setattr(module, "with_changed_values", lambda *given: asked.append(given[:3]) or changed)
-    monkeypatch.setattr(module, "_searched", lambda session, *_: found["second"] if session is changed else None)
+    undecided = first in ("unknown", "insufficient")
+
+    def searched(session: Session, *_: object, only_if_explained: bool = False) -> Diagnosis:
+        assert session is changed
+        assert only_if_explained == undecided
+        return found["second"]
+
+    monkeypatch.setattr(module, "_searched", searched)
     assert module._with_changed_values(found["first"], Watch(), None) is found[taken]
     assert asked == [(search, "fit", session)]
+
+    def stopped(*_: object, **__: object) -> Diagnosis:
+        raise SearchStoppedError(180.0)
+
+    monkeypatch.setattr(module, "_searched", stopped)
+    if undecided:  # it stays so
+        assert module._with_changed_values(found["first"], Watch(), None) is found["first"]
+    else:
+        with pytest.raises(SearchStoppedError):
+            module._with_changed_values(found["first"], Watch(), None)
     monkeypatch.setattr(module, "with_changed_values", lambda *_: None)
     assert module._with_changed_values(found["first"], Watch(), None) is found["first"]
     for left_alone in (SimpleNamespace(problem=SimpleNamespace(open_ground=True)), None):
         alone: Any = Diagnosis(first, "", session, search=left_alone)  # type: ignore[arg-type]
         monkeypatch.setattr(module, "with_changed_values", lambda *_: pytest.fail("asked"))
         assert module._with_changed_values(alone, Watch(), None) is alone
+
+
+@pytest.mark.parametrize(("explained", "goes_on"), [(-np.inf, False), (-812.3, True)])
+def test_a_search_for_what_explains_the_runs_ends_where_no_named_effect_does(
+    explained: float, goes_on: bool, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "none", open_ground=False)
+    monkeypatch.setattr(NAMED, "explained", explained)
+    found = module._searched(session_of(4), no_progress, None, only_if_explained=True)  # type: ignore[arg-type]
+    assert found.verdict == ("none" if goes_on else "insufficient")
+    assert [step for step, *_ in done] == (ON_PLATE if goes_on else ON_PLATE[:1])
