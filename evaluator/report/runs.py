@@ -170,12 +170,15 @@ def views_of(analysis: Analysis, robot: Robot) -> list[RunView]:
 def _by_places_mm(robot: Robot, row: dict[str, Any]) -> float:
     """Standard uncertainty of the radius from the places of the marks, if robot.toml does not state it; else 0.
 
-    It is that along the line to the centre of rotation.
+    It is that along the line to the centre of rotation. Marks that the run does not show determine no pose.
     """
     if robot.known_to.states("mark_position_mm"):
         return 0.0  # it is in the interval
     towards = np.radians(90.0 + np.nan_to_num(row.get("body_slip_angle_deg") or 0.0))
-    shifts = MarkGeometry(robot.points_mm).with_sigmas(robot.known_to.mark_position_mm).pose_shifts()
+    seen = [name for name in robot.points_mm if np.isfinite(row.get(f"{name}_speed_mm_s") or np.nan)]
+    geometry = MarkGeometry(robot.points_mm)
+    geometry = geometry.only(seen) if len(seen) > 1 else geometry
+    shifts = geometry.with_sigmas(robot.known_to.mark_position_mm).pose_shifts()
     return float(np.linalg.norm(shifts[:, :2] @ [np.cos(towards), np.sin(towards)]))
 
 

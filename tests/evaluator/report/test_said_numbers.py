@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, nan
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -12,6 +13,7 @@ import pytest
 from evaluator.report import sections
 from evaluator.report.numbers import METRES, MILLIMETRES, command_text, interval, series_row
 from evaluator.report.pages.html import Table
+from evaluator.report.runs import _by_places_mm
 from evaluator.report.sections import _quality, _run_table
 from evaluator.report.summary import headline, summary
 from evaluator.report.tables import directions_table, outline_table, pooled_table, slip_table, standard_sentence
@@ -63,6 +65,20 @@ def test_the_tolerance_of_the_positions_of_the_marks_is_told_beside_intervals_wi
     assert "tolerance" not in said([replace(runs[0], by_places_mm=0.02), runs[1]])  # 0.039 beside 0.1 mm
     assert "; positions of the marks ±0.1 mm" in headline(runs)[0].range
     assert "positions" not in headline(runs[1:])[0].range
+
+
+def test_a_mark_that_a_run_does_not_show_makes_no_radius_more_certain() -> None:
+    robot: Any = SimpleNamespace(
+        points_mm={"green": (-1.55, 1.83), "yellow": (-1.55, -1.83)},
+        known_to=SimpleNamespace(states=lambda _: False, mark_position_mm=0.03),
+    )
+    third: Any = SimpleNamespace(**vars(robot) | {"points_mm": {**robot.points_mm, "blue": (2.0, 1.0)}})
+    two = {"green_speed_mm_s": 1.0, "yellow_speed_mm_s": 1.2}
+    alone = _by_places_mm(robot, two)
+    assert alone > 0.0
+    assert _by_places_mm(third, two) == _by_places_mm(third, {**two, "blue_speed_mm_s": None}) == alone
+    assert _by_places_mm(third, {**two, "blue_speed_mm_s": 1.1}) < 0.9 * alone
+    assert _by_places_mm(robot, {}) == alone  # of results without speeds of marks
 
 
 def test_speeds_of_straight_runs_are_set_against_the_simulated_ones() -> None:
