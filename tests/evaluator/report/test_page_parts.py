@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -19,6 +20,7 @@ from evaluator.report import build, player, sections, style
 from evaluator.report.figures import quality, radius
 from evaluator.report.numbers import METRES
 from evaluator.report.pages import colors
+from evaluator.report.pages.html import Page, Section, page_html
 from evaluator.report.runs import unit_of
 from evaluator.report.style import Line, drawing, mark_lines, plain_svg
 from simulator.robot import load_robot
@@ -115,6 +117,18 @@ def test_runs_share_the_points_of_the_page_and_have_forty_to_240(
     monkeypatch.setattr(player, "POINT_BUDGET", budget)
     content = json.loads(player.player_data([seen(turned("a", 5.0), 1200)] * 4, BARREL))
     assert len(content["runs"][0]["t"]) == points + 1  # and the last one
+
+
+@pytest.mark.parametrize(
+    ("count", "player", "listed"), [(2, "", ()), (3, "", ("s0", "s1", "s2")), (3, "{}", ("player", "s0", "s1", "s2"))]
+)
+def test_a_page_of_several_sections_begins_with_links_to_them(count: int, player: str, listed: tuple[str, ...]) -> None:
+    sections = tuple(Section(f"s{k}", f"Part {k}") for k in range(count))
+    text = page_html(Page("kind", "title", (), ("said",), sections, "foot", player=player))
+    contents = text.partition('class="contents screen"')[2].partition("</nav>")[0]
+    assert tuple(re.findall('href="#([^"]*)"', contents)) == listed
+    assert all(text.count(f'id="{name}"') == 1 for name in listed)
+    assert all(f">Part {k}</a>" in contents for k in range(count if listed else 0))
 
 
 def test_sections_are_there_where_runs_have_data(monkeypatch: pytest.MonkeyPatch) -> None:
