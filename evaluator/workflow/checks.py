@@ -58,7 +58,8 @@ class Written:
 class Check:
     """Result of a check: faults that prevent an analysis, probable mistakes, number of runs and videos.
 
-    unseen: runs without a video whose motion could not be compared with their commands.
+    unseen: runs without a video whose motion could not be compared with their commands. notes: what is mended in marks
+    files of turnscope's form without being asked.
     """
 
     faults: tuple[str, ...]
@@ -66,6 +67,7 @@ class Check:
     videos: int = 0
     mistakes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def check_experiment(path: Path) -> Check:
@@ -100,7 +102,8 @@ def check_experiment(path: Path) -> Check:
         doubts = (*doubts_of_robots(experiment), *doubled_videos(experiment.run))
         mistakes = (*doubts, *(item.sentence for item in found))
     videos = sum(run.video is not None for run in runs)
-    return Check(tuple(dict.fromkeys(faults)), len(runs), videos, mistakes, unseen)
+    notes = tuple(f"{run.id}: {note}" for run in runs if run.marks in marks for note in marks[run.marks].notes)
+    return Check(tuple(dict.fromkeys(faults)), len(runs), videos, mistakes, unseen, notes)
 
 
 def doubled_videos(runs: Sequence[Run]) -> Iterator[str]:

@@ -35,12 +35,14 @@ def check(experiment: Path, mend: bool, as_json: bool, quiet: bool) -> int:
 
     found = check_experiment(experiment)
     if as_json:
-        content = {key: getattr(found, key) for key in ("faults", "mistakes", "runs", "videos", "unseen")}
+        content = {key: getattr(found, key) for key in ("faults", "mistakes", "runs", "videos", "unseen", "notes")}
         click.echo(json.dumps(content, indent=1, ensure_ascii=False))
     else:
         for kind, sentences in (("error:", found.faults), ("mistake?", found.mistakes)):
             for line in without_repeats(sentences):
                 click.echo(f"{kind} {line}", err=True)
+        for line in without_repeats(found.notes) if not quiet else ():
+            click.echo(f"note: {line}", err=True)
         if not found.faults and not found.mistakes and not quiet:
             videos = f"{found.videos} from video" + ", whose motion turnscope analyze checks" * bool(found.videos)
             click.echo(f"{experiment}: no errors; {counted(found.runs, 'run')}, {videos}")

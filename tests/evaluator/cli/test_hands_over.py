@@ -149,13 +149,13 @@ def test_a_self_test_that_fails_has_status_1(stub: Any, monkeypatch: pytest.Monk
 def test_a_check_tells_errors_and_mistakes_apart(
     stub: Any, faults: list[str], mistakes: list[str], status: int, out: str, err: str
 ) -> None:
-    checked = SimpleNamespace(faults=faults, mistakes=mistakes, runs=1, videos=1, unseen=[])
+    checked = SimpleNamespace(faults=faults, mistakes=mistakes, runs=1, videos=1, unseen=[], notes=[])
     stub("evaluator.workflow.check_experiment", checked)
     done = run("check", "e.toml")
     assert (done.return_value, done.stdout, done.stderr) == (status, out, err)
     assert run("check", "e.toml", "-q").stdout == ""
     content = json.loads(run("check", "e.toml", "--json").stdout)
-    assert content == {"faults": faults, "mistakes": mistakes, "runs": 1, "videos": 1, "unseen": []}
+    assert content == {"faults": faults, "mistakes": mistakes, "runs": 1, "videos": 1, "unseen": [], "notes": []}
     mended = stub("evaluator.workflow.write_mended", None)
     said = run("check", "e.toml", "--write-mended").stderr
     assert ("no run shows a mistake; nothing is written" in said) == (not faults) == bool(mended)
@@ -170,6 +170,16 @@ def test_a_check_says_whose_motion_it_has_not_looked_at(stub: Any) -> None:
     assert "the motion of drive, turn could not be compared with commands" in run("check", "e.toml").stderr
     assert run("check", "e.toml", "-q").stderr == ""
     assert json.loads(run("check", "e.toml", "--json").stdout)["unseen"] == list(unseen)
+
+
+def test_what_is_mended_unasked_is_a_note_and_no_error(stub: Any) -> None:
+    notes = tuple(f"r{k}: 2 rows written twice count once" for k in range(4))
+    stub("evaluator.workflow.check_experiment", Check((), 4, 0, notes=notes))
+    done = run("check", "e.toml")
+    assert done.stderr == f"note: {notes[0]}\nnote: the same of r1, r2, r3, with their own names and numbers\n"
+    assert done.return_value == 0
+    assert run("check", "e.toml", "-q").stderr == ""
+    assert json.loads(run("check", "e.toml", "--json").stdout)["notes"] == list(notes)
 
 
 def test_a_circular_test_is_of_an_experiment_or_of_a_robot(stub: Any) -> None:

@@ -44,6 +44,12 @@ def test_an_experiment_without_faults_is_asked_for_mistakes(day: Any) -> None:
     assert check_experiment(day.path) == Check((), 2, 0, ("a: backward",))
 
 
+def test_what_the_reader_of_a_marks_file_mends_is_a_note_of_its_run(day: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    marks = {day.path.with_name("b.csv"): SimpleNamespace(notes=["2 rows written twice", "exchanged"])}
+    monkeypatch.setattr(checks, "_written", lambda path: checks.Written(path, {}, marks))
+    assert check_experiment(day.path).notes == ("b: 2 rows written twice", "b: exchanged")
+
+
 def test_runs_of_poses_are_said_to_be_unseen(day: Any) -> None:
     for name in "ab":
         day.path.with_name(f"{name}.csv").write_text("time_s,green_x_mm,green_y_mm,yellow_x_mm,yellow_y_mm\n")
