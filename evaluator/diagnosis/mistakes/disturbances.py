@@ -12,7 +12,9 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.intervals import (
     FEWEST_FRAMES,
     HELD_S,
+    LASTS_S,
     interrupts,
+    lasting_change,
     longest,
     phases_of,
     stretches,
@@ -53,6 +55,7 @@ STANDS_SHARE = 0.05  # of the path of wheels that roll without slip: a shorter o
 HELD_SHARE = 0.4  # of the usual speed of the run: physical effects cause no such brief changes
 CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
 SHOWS_USUAL_S = 3 * HELD_S  # of motion: twice as much as a disturbance is of the usual kind
+MOST_CHANGED = 0.25  # of the runs: failing motors and commands that nobody noted do not gather
 SETTLED_S = 0.5  # time after the start in which the motors reach their speed
 
 
@@ -161,7 +164,28 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         first = outruns_its_wheels(run, robot) or next((item for item in by_phase if item is not None), None)
         if first is not None:
             found.append(first)
-    return found
+    known = {item.run for item in found}
+    changed = [item for run in data if run.id not in known and (item := _changed(run))]
+    accidents = len(changed) <= MOST_CHANGED * len(data)  # many runs change by their physics
+    return found + changed * accidents
+
+
+def _changed(run: RunData) -> Found | None:
+    """A run at one command whose speed changes at once and for good: a motor that fails, or another command.
+
+    Not a turn on the spot, whose centre may leave one motion for another by itself.
+    """
+    begin, end = _span(run)
+    if run.log is not None or run.left_rpm * run.right_rpm < 0 or end <= begin + 2 * LASTS_S:
+        return None
+    motion = motion_of(run, (begin, end))
+    changed = None if motion is None else lasting_change(motion)
+    if changed is None:
+        return None
+    before, after = (f"{speed:.3g} mm/s".replace("-", "−") for speed in changed[1:])
+    seen = f"drives at {before} until {changed[0]:.2f} s and at {after} from there on, though its command stays"
+    remedy = "was it commanded anew, or did a motor fail? Name its command log (commands), or end it there (stop_s)"
+    return Found(run.id, "wrong-command", seen, remedy)
 
 
 def _jumping(run: RunData, at_s: float, size_mm: float) -> Found:
