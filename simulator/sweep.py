@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from simulator.errors import SimulationError
 from simulator.files.named import named_in
@@ -35,49 +44,19 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Axis(Table):
-    """Values of a key on the grid: those of a list, or evenly spaced ones, both ends included."""
+class Span(Table):
+    """Evenly spaced values, both ends included."""
 
-    values: list[Finite] | None = None
-    low: Finite = 0.0
-    high: Finite = 0.0
-    count: int = Field(default=0, ge=1)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _list_or_span(cls, given: Any) -> Any:
-        if isinstance(given, list):
-            return {"values": given}
-        if isinstance(given, dict) and set(given) != {"low", "high", "count"}:
-            raise ValueError("should be a list of values, or have low, high and count")
-        return given
-
-    def __len__(self) -> int:
-        """Number of values."""
-        return self.count if self.values is None else len(self.values)
-
-    def value(self, number: int) -> float:
-        """One of the values, by its number from 0."""
-        if self.values is not None:
-            return float(self.values[number])
-        share = number / max(self.count - 1, 1)
-        return float((1 - share) * self.low + share * self.high)
+    low: Finite
+    high: Finite
+    count: int = Field(ge=1)
 
 
-class Drawn(Table):
-    """Random values: evenly distributed between two bounds, or normal."""
+class Uniform(Table):
+    """Random values between two bounds."""
 
-    low: Finite = 0.0
-    high: Finite = 0.0
-    mean: Finite = 0.0
-    sigma: Positive | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _either(cls, given: Any) -> Any:
-        if isinstance(given, dict) and set(given) not in ({"low", "high"}, {"mean", "sigma"}):
-            raise ValueError("should have low and high, or mean and sigma")
-        return given
+    low: Finite
+    high: Finite
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -87,10 +66,49 @@ class Drawn(Table):
 
     def draw(self, generator: np.random.Generator) -> float:
         """One value."""
-        drawn = (
-            generator.uniform(self.low, self.high) if self.sigma is None else generator.normal(self.mean, self.sigma)
-        )
-        return float(drawn)
+        return float(generator.uniform(self.low, self.high))
+
+
+class Normal(Table):
+    """Random values with a mean and a standard deviation."""
+
+    mean: Finite
+    sigma: Positive
+
+    def draw(self, generator: np.random.Generator) -> float:
+        """One value."""
+        return float(generator.normal(self.mean, self.sigma))
+
+
+def _of_axis(given: Any) -> str:
+    return "values" if isinstance(given, list) else "Span"
+
+
+def _of_distribution(given: Any) -> str:
+    return (
+        "Normal"
+        if isinstance(given, Normal) or (isinstance(given, dict) and {"mean", "sigma"} & set(given))
+        else "Uniform"
+    )
+
+
+# With the tag of its kind a value has the faults of one kind, not of both.
+Axis = Annotated[Annotated[Span, Tag("Span")] | Annotated[list[Finite], Tag("values")], Discriminator(_of_axis)]
+Distribution = Annotated[
+    Annotated[Uniform, Tag("Uniform")] | Annotated[Normal, Tag("Normal")], Discriminator(_of_distribution)
+]
+
+
+def _count(axis: Span | list[float]) -> int:
+    return axis.count if isinstance(axis, Span) else len(axis)
+
+
+def _value(axis: Span | list[float], number: int) -> float:
+    """One of the values of an axis, by its number from 0."""
+    if not isinstance(axis, Span):
+        return float(axis[number])
+    share = number / max(axis.count - 1, 1)
+    return float((1 - share) * axis.low + share * axis.high)
 
 
 def _flat(table: Any) -> Any:
@@ -122,7 +140,7 @@ class Sweep(Table):
     seed: int = 0
     fixed: Annotated[dict[str, Finite], BeforeValidator(_flat)] = Field(default_factory=dict)  # value by key
     grid: Annotated[dict[str, Axis], BeforeValidator(_flat)] = Field(default_factory=dict)
-    random: Annotated[dict[str, Drawn], BeforeValidator(_flat)] = Field(default_factory=dict)
+    random: Annotated[dict[str, Distribution], BeforeValidator(_flat)] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _each_key_once(self) -> Self:
@@ -130,7 +148,7 @@ class Sweep(Table):
         twice = sorted({key for key in keys if keys.count(key) > 1})
         if twice:
             raise ValueError(f"{', '.join(twice)} is in more than one of fixed, grid and random")
-        empty = [key for key, axis in self.grid.items() if not len(axis)]
+        empty = [key for key, axis in self.grid.items() if not _count(axis)]
         if empty:
             raise ValueError(f"grid.{empty[0]} is empty")
         if self.count() > MOST_RUNS:
@@ -141,14 +159,14 @@ class Sweep(Table):
 
     def count(self) -> int:
         """Number of runs."""
-        return math.prod(map(len, self.grid.values())) * self.samples
+        return math.prod(map(_count, self.grid.values())) * self.samples
 
     def points(self, start: int, stop: int) -> list[dict[str, float]]:
         """Keys and values of runs start to stop."""
-        sizes, found = [*map(len, self.grid.values())], []
+        sizes, found = [*map(_count, self.grid.values())], []
         for number in range(start, stop):
             places = np.unravel_index(number // self.samples, sizes) if sizes else ()
-            node = {key: axis.value(int(k)) for (key, axis), k in zip(self.grid.items(), places, strict=True)}
+            node = {key: _value(axis, int(k)) for (key, axis), k in zip(self.grid.items(), places, strict=True)}
             generator = np.random.default_rng([self.seed, number])
             drawn = {key: item.draw(generator) for key, item in self.random.items()}
             found.append(self.fixed | node | drawn)

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from stat import S_ISCHR, S_ISFIFO
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -107,6 +107,7 @@ KINDS = {
     "path": "should be the path of a file",
     "tuple": "should be a list",
     "list": "should be a list",
+    "model": "should be a table",
 }
 
 
@@ -191,7 +192,7 @@ def _inner_fault(place: tuple[int | str, ...], items: Sequence[Mapping[str, Any]
 
 def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object, model: object) -> str:
     keys, models = _resolved(model, place[:-1])
-    keys += place[-1:]
+    keys += tuple(part for part in place[-1:] if part not in [each.__name__ for each in models])
     dotted = _cut("".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in keys).lstrip("."))
     if kind == "extra_forbidden":
         near = difflib.get_close_matches(str(place[-1]), _keys_of(models), n=1, cutoff=0.5)
@@ -207,19 +208,24 @@ def _fault(place: tuple[int | str, ...], kind: str, message: str, found: object,
 def _resolved(model: object, place: tuple[int | str, ...]) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
     """Keys of a place as in the file, and the models that it may hold.
 
-    A place within one of several models names which one it is, by a tag that is no key of the file: it is left out.
+    A place within one of several models names which one it is, by a tag that is no key of the file, or by its class: it
+    is left out. Keys of a table without a model of its own may have any name.
     """
     keys: tuple[int | str, ...] = ()
     models = [model] if isinstance(model, type) and issubclass(model, BaseModel) else []
+    free = False
     for part in place:
-        tagged = [each for each in models if _has_tag(each, part)] if len(models) > 1 else []
-        if tagged:
+        tagged = [each for each in models if part == each.__name__ or (len(models) > 1 and _has_tag(each, part))]
+        if tagged and not free:
             models = tagged[:1]
             continue
         keys += (part,)
-        if isinstance(part, str):
+        if free:
+            free = False
+        elif isinstance(part, str):
             fields = [each.model_fields[part].annotation for each in models if part in each.model_fields]
             models = [inner for annotation in fields for inner in _models_in(annotation)]
+            free = any(get_origin(annotation) is dict for annotation in fields)
     return keys, models
 
 

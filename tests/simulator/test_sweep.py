@@ -100,11 +100,16 @@ def test_a_key_that_is_none_is_named_before_anything_runs(tmp_path: Path, line: 
             "[grid]\nleft_rpm = { low = 1, high = 2, count = 0 }",
             "grid.left_rpm.count = 0: should be greater than or equal to 1",
         ),
-        ("[grid]\nleft_rpm = { low = 1, high = 2 }", "should be a list of values, or have low, high and count"),
+        ("[grid]\nleft_rpm = { low = 1, high = 2 }", "grid.left_rpm.count is missing"),
+        ("[grid]\nleft_rpm = { low = 1, high = 2, cuont = 3 }", "unknown key grid.left_rpm.cuont; did you mean count?"),
+        ("[grid]\nleft_rpm = 5", "grid.left_rpm = 5: should be a table"),
         ("[grid]\nleft_rpm = []", "grid.left_rpm is empty"),
         ('[grid]\nleft_rpm = [1, "x"]', "grid.left_rpm.values[2] = 'x': should be a number"),
         ("[random]\nleft_rpm = { low = 2, high = 1.5 }", "low = 2 is above high = 1.5"),
-        ("[random]\nleft_rpm = { low = 2, sigma = 1 }", "should have low and high, or mean and sigma"),
+        (
+            "[random]\nleft_rpm = { low = 2, sigma = 1 }",
+            "random.left_rpm.mean is missing; unknown key random.left_rpm.low",
+        ),
         ("[random]\nleft_rpm = { mean = 2, sigma = 0 }", "random.left_rpm.sigma = 0: should be greater than 0"),
         (
             "[grid]\nleft_rpm = { low = 1, high = 2, count = 1e9 }\nstart_s = { low = 1, high = 2, count = 1e9 }",

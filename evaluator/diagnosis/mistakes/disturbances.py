@@ -184,7 +184,10 @@ def _changed(run: RunData) -> Found | None:
         return None
     before, after = (f"{speed:.3g} mm/s".replace("-", "−") for speed in changed[1:])
     seen = f"drives at {before} until {changed[0]:.2f} s and at {after} from there on, though its command stays"
-    remedy = "was it commanded anew, or did a motor fail? Name its command log (commands), or end it there (stop_s)"
+    remedy = (
+        "was it commanded anew, did a motor fail, or does something hold it? Name its command log (commands), or end it"
+        " there (stop_s)"
+    )
     return Found(run.id, "wrong-command", seen, remedy)
 
 

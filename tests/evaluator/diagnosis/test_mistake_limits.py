@@ -157,9 +157,11 @@ def test_of_two_mistakes_of_a_run_the_one_is_told_that_hides_the_other() -> None
     assert mistakes_of(both, 5)[0].sentence == "r0: a; a"
 
 
-@pytest.mark.parametrize(("from_s", "until_s", "kind"), [(1.8, 2.3, "pushed"), (1.8, 4.0, None), (0.4, 1.5, None)])
+@pytest.mark.parametrize(
+    ("from_s", "until_s", "kind"), [(1.8, 2.3, "pushed"), (1.8, 4.0, "wrong-command"), (0.4, 1.5, None)]
+)
 def test_push_interrupts_usual_motion(from_s: float, until_s: float, kind: str | None) -> None:
-    """Another regime of friction lasts, and backlash of a gear shows at the start."""
+    """What lasts is another command, and backlash of a gear shows at the start."""
     run = driven()
     speed = np.where((run.time_s > from_s) & (run.time_s < until_s), 3.0, 1.5)
     found = disturbed_runs(session(driven(speed=speed)), [ROBOT] * 8)
@@ -172,7 +174,7 @@ def test_a_start_that_is_late_by_most_of_a_second_is_no_hold() -> None:
     assert kinds(late_starts(data, [ROBOT] * 8)) == [("r0", "late-start")]
 
 
-@pytest.mark.parametrize(("share", "kind"), [(0.25, None), (0.1, "stuck")])
+@pytest.mark.parametrize(("share", "kind"), [(0.25, "wrong-command"), (0.1, "stuck")])
 def test_robot_that_creeps_does_not_stand(share: float, kind: str | None) -> None:
     run = driven()
     found = disturbed_runs(session(driven(speed=np.where(run.time_s > 2.0, 1.5 * share, 1.5))), [ROBOT] * 8)

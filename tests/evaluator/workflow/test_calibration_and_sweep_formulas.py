@@ -81,17 +81,17 @@ def test_a_distance_and_its_sigma_are_above_nought(
 class Runs(SimpleNamespace):
     """A sweep of some runs."""
 
-    def __len__(self) -> int:
-        return int(self.count)
+    def count(self) -> int:
+        return int(self.runs)
 
     def model_dump_json(self) -> str:
-        return f"{self.count}"
+        return f"{self.runs}"
 
 
 @pytest.fixture
 def swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """A sweep of 1001 runs in parts of 500; the runs of some parts are lost, those of others counted."""
-    robot, described = SimpleNamespace(model_dump_json=lambda: "robot"), Runs(count=1001, robot="barrel")
+    robot, described = SimpleNamespace(model_dump_json=lambda: "robot"), Runs(runs=1001, robot="barrel")
     state = SimpleNamespace(lost=set(), made=[], told=[], output=tmp_path / "sweep.csv")
 
     def run_part(_: Any, __: Any, start: int, stop: int) -> pd.DataFrame:

@@ -201,7 +201,7 @@ def test_another_apparatus_is_measured_with_its_own_radii() -> None:
     [
         (lambda table: table.drop(columns="disk_rpm"), "lacks disk_rpm"),
         (lambda table: table.drop(columns=SIGMAS[1]), "of both torques or of neither"),
-        (lambda table: table.assign(wheel_rpm="fast"), "line 2, wheel_rpm = 'fast' is not a finite number"),
+        (lambda table: table.assign(wheel_rpm="fast"), "line 2, wheel_rpm = fast is not a finite number"),
         (lambda table: table.assign(normal_force_mN=-1.0), "is not a positive number"),
         (lambda table: table.iloc[:0], "holds no measurement"),
     ],
