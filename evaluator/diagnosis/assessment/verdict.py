@@ -37,6 +37,9 @@ Verdict = Literal["none", "effect", "unknown", "insufficient"]
 KEEP = (8.0, 8.0, 8.0, 12.0)
 # Log odds, three to one, below which sets as large are not distinguished.
 TIE = math.log(3.0)
+# Log odds, twenty to one, that a set needs over one as large that states less (strong evidence: Kass & Raftery 1995, J.
+# Am. Stat. Assoc. 90, 773): a plate of 9 degrees was a spring with its anchor 1.5 m away at odds of 4 to 1.
+STATES_MORE = math.log(20.0)
 # Log odds, 20 to 1, from which on an effect that is not named is not excluded either. In sixty sessions without an
 # effect, of four banks, the largest were 9 to 1.
 UNDECIDED = math.log(20.0)
@@ -158,13 +161,13 @@ def _strains(search: Search, ids: Set) -> bool:
 
 
 def best_named(search: Search, table: Standing, families: int) -> Set:
-    """The best set of named effects in which each effect is significant; of those that tie, the one that states least.
+    """The best set of named effects in which each effect is significant, or a set nearly as good that states less.
 
     A spring of a wire whose anchor is far away pulls like a plate that is not level, with a parameter more.
     """
     named = (ids for ids in table.sets if not any(map(is_free, ids)))
     best = next(ids for ids in named if pays(search, table, families, ids))
-    tied = [best, *itertools.takewhile(lambda ids: table.of(best) - table.of(ids) < TIE, named)]
+    tied = [best, *itertools.takewhile(lambda ids: table.of(best) - table.of(ids) < STATES_MORE, named)]
     as_large = [ids for ids in tied if len(ids) == len(best) and (ids == best or pays(search, table, families, ids))]
     return min(as_large, key=lambda ids: sum(search.terms[effect].size for effect in ids))
 

@@ -140,8 +140,8 @@ def test_a_set_predicts_by_four_and_by_two_standard_errors(
 
 @pytest.mark.parametrize(
     ("below", "size", "named"),
-    [(1.05, 3, B), (1.15, 3, A), (1.05, 2, A)],
-    ids=["fewer parameters at three to one", "beyond", "as many"],
+    [(2.95, 3, B), (3.05, 3, A), (1.05, 2, A)],
+    ids=["fewer parameters at nineteen to one", "beyond", "as many"],
 )
 def test_of_sets_that_tie_the_one_with_fewer_parameters_is_named(
     below: float, size: int, named: frozenset[str]
