@@ -127,6 +127,29 @@ def test_run_that_moves_before_its_start_is_said_to(run: RunData) -> None:
     assert found.seen.endswith("mm before its motors are switched on at start_s = 1 s")
 
 
+def cut(run: RunData, at_s: float) -> RunData:
+    """The run without the frames before a time."""
+    kept = run.time_s >= at_s
+    return replace(run, time_s=run.time_s[kept], marks_mm=run.marks_mm[kept])
+
+
+@pytest.mark.parametrize("at_s", [0.8, 0.85])
+def test_a_film_that_is_cut_while_the_robot_drives_shows_it_in_the_frames_before_its_start(at_s: float) -> None:
+    """In 0.2 s the robot gets less far than a hand would carry it; one film of eighteen was not noticed."""
+    run = cut(filmed(begins_s=0.5), at_s)
+    assert moved_before_start_mm(run) == pytest.approx(4.0 * (START_S - at_s), rel=0.15)
+    (found,) = late_starts([run], [load_robot("barrel")])
+    assert found.kind == "late-start"
+
+
+def test_what_moves_another_way_than_the_run_goes_on_does_not_drive() -> None:
+    run = filmed()
+    settling = np.clip(1.0 - run.time_s[:, None], 0.0, None) * np.array([0.0, 0.3, 0.0, 0.3])
+    assert moved_before_start_mm(cut(replace(run, marks_mm=run.marks_mm + settling), 0.8)) == 0.0
+    assert moved_before_start_mm(cut(filmed(), 0.8)) == 0.0
+    assert moved_before_start_mm(cut(filmed(begins_s=0.5), 0.95)) == 0.0  # three frames
+
+
 @pytest.mark.parametrize("run", [filmed(), filmed(laid_down_s=0.5, hand_mm_s=0.5)])
 def test_run_that_rests_before_its_start_is_not(run: RunData) -> None:
     assert moved_before_start_mm(run) == 0.0

@@ -17,6 +17,9 @@ from evaluator.turning.motion.rest import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_S
 
 # Starts are known more accurately than the first (late_start.LATE_S), and motors run down within the second.
 BEFORE_START_S, AFTER_STOP_S = 0.1, 0.5
+# Of the way before start_s: what that in as much time after it may differ by. A turn of the paper's robot by 20 deg/s
+# bends the way of half a second by a fifth, and the way of a robot that starts from rest there differs by all of it.
+DRIVES_ON = 0.5
 
 
 def between_hands(run: RunData) -> slice:
@@ -52,7 +55,8 @@ def _seen_from_s(run: RunData, time_s: float) -> float:
 def moved_before_start_mm(run: RunData) -> float:
     """How far, mm, a mark goes from the first frames to the last that are surely before start_s.
 
-    0 if this is within noise and the settling of a camera, or if there are too few frames.
+    0 if this is within noise and the settling of a camera, or if there are too few frames. Beyond noise, less than a
+    hand moves it counts if it goes on as far in as much time after start_s, the same way: it drives already.
     """
     on_s = run.run_command.start_s
     if not run.run_command.starts_at_rest or on_s is None:
@@ -60,12 +64,25 @@ def moved_before_start_mm(run: RunData) -> float:
     seen = np.isfinite(run.marks_mm).all(axis=1)
     time, marks = run.time_s[seen], run.marks_mm[seen]
     before = time < on_s - BEFORE_START_S
-    if before.sum() < 2 * MOVING_FRAMES:
+    if before.sum() >= 2 * MOVING_FRAMES:
+        places = [
+            np.median(marks[before][part], axis=0) for part in (slice(MOVING_FRAMES), slice(-MOVING_FRAMES, None))
+        ]
+        way = _farther(places[1] - places[0])
+        if way > CARRIED_SHARE * 2 * arm_mm(run):
+            return way
+    windows = time < on_s, (time >= on_s) & (time < 2 * on_s - time[0])
+    if min(window.sum() for window in windows) < 2 * MOVING_FRAMES:
         return 0.0
-    places = [np.median(marks[before][part], axis=0) for part in (slice(MOVING_FRAMES), slice(-MOVING_FRAMES, None))]
-    off = places[1] - places[0]
-    way = max(float(np.hypot(off[0], off[1])), float(np.hypot(off[2], off[3])))
-    return way if way > CARRIED_SHARE * 2 * arm_mm(run) else 0.0
+    halves = [[np.median(half, axis=0) for half in np.array_split(marks[window], 2)] for window in windows]
+    first, then = (later - earlier for earlier, later in halves)
+    least = ONSET_SIGMAS * float(np.median(sigma_of_bends(marks))) + ONSET_LEAST_MM
+    return 2 * _farther(first) if _farther(first) > max(least, _farther(then - first) / DRIVES_ON) else 0.0
+
+
+def _farther(shift: NDArray[np.float64]) -> float:
+    """The larger of the ways of both marks, mm, of a shift (4,)."""
+    return max(float(np.hypot(shift[0], shift[1])), float(np.hypot(shift[2], shift[3])))
 
 
 def _carried(run: RunData, rest_s: float, outside: NDArray[np.bool_], far_mm: float) -> NDArray[np.int64]:
