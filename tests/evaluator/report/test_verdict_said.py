@@ -93,7 +93,7 @@ def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> No
     ("more", "said"),
     [
         ({}, True),
-        ({"log_odds": math.log(20.0) - 0.01}, False),
+        ({"log_odds": math.log(5.0) - 0.01}, False),
         ({"log_odds": None}, False),
         ({"effects": []}, False),
         ({"effects": ["plate-tilt", "free:moment.one"]}, False),
@@ -101,14 +101,14 @@ def test_nothing_is_missing_only_in_the_kinds_of_motion_that_were_driven() -> No
     ],
 )
 @pytest.mark.parametrize("verdict", ["none", "effect", "unknown"])
-def test_a_rival_is_told_that_is_twenty_times_as_probable_and_has_a_name_and_strains_nothing(
+def test_a_rival_is_told_that_is_five_times_as_probable_and_has_a_name_and_strains_nothing(
     verdict: str, more: dict[str, Any], *, said: bool
 ) -> None:
-    rival = {"effects": ["dead-band", "plate-tilt"], "log_odds": math.log(20.0) + 0.01, "strains": [], **more}
+    rival = {"effects": ["dead-band", "plate-tilt"], "log_odds": math.log(5.0) + 0.01, "strains": [], **more}
     found = rivals_sentence({"verdict": verdict, "rivals": ["damaged", rival]})
     assert bool(found) == (said and verdict != "unknown")
     if found:
-        odds = "odds of 20 to 1; an effect is named from 3000 to 1 on"
+        odds = "odds of 5.1 to 1; an effect is named from 3000 to 1 on"
         assert found == f"Not decided by these runs: dead-band with plate-tilt ({odds})."
     headline = verdict_sentence({"verdict": "none", "rivals": [rival]})
     assert headline.startswith("Nothing is proven missing: " if said else "Nothing is missing: ")
