@@ -198,8 +198,8 @@ def determined_sentence(effect: Json) -> str:
 
 
 MOST_NAMED = 6  # runs left out for one reason
-# Odds of 5 to 1: of 90 untidy sessions in which nothing was missing two had as probable a rival, both the lag that their
-# motors had, and of 104 that were called so though an effect was there, or is equivalent to a tolerance, eight.
+# Odds of 5 to 1: of 90 untidy sessions in which nothing was missing two had as probable a rival, both the lag that
+# their motors had, and of 104 called so though an effect was there, or is equivalent to a tolerance, eight.
 REPORTED_LOG_ODDS = math.log(5.0)
 NAMED_LOG_ODDS = 8.0  # odds of 3000 to 1 that an effect needs: verdict.KEEP
 
