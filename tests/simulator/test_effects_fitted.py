@@ -183,9 +183,9 @@ def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_sp
     assert set(found.physical(found.absent).values()) == {1e6}
     # of 10, 10, 10 and 30 rpm, and between the fastest two
     assert found.starts == (*(pytest.approx((0.1,) * 3),) * 2, pytest.approx((0.05,) * 3))
-    levels = Scene(20.0, (10.0, 20.0, 25.0, 30.0, 40.0, 60.0))
+    levels = Scene(20.0, (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 120.0))
     fastest = [start[0] for start in EFFECTS["speed-limit"].candidate(levels).starts[2:]]
-    assert [1 / begin for begin in fastest] == pytest.approx([27.5, 35.0, 50.0])
+    assert [1 / begin for begin in fastest] == pytest.approx([70.0, 90.0, 110.0])
     ground = EFFECTS["speed-limit"].candidate(replace(levels, size=Size(100.0, 1e6)))
     assert len(ground.starts) == 2
     assert Scene(20.0, (0.0, 40.0, 10.0, 20.0, 30.0, 50.0)).fast_rpm == 40.0
