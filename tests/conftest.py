@@ -51,10 +51,10 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Two workers of pytest -n auto more than cores: tests that wait for a browser or a process leave a core idle."""
+    """One worker of pytest -n auto more than cores: tests that wait for a browser or a process leave a core idle."""
     from evaluator.workflow.execution.machine import available_cores
 
-    return available_cores() + 2
+    return available_cores() + 1
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -101,7 +101,7 @@ def test_runs_to_make_stand_in_a_table_with_what_they_would_and_would_not_separa
     ("rival", "told"),
     [
         ({"effects": ["viscous-drag"], "log_odds": 5.3, "strains": []}, True),
-        ({"effects": ["viscous-drag"], "log_odds": 2.9, "strains": []}, False),
+        ({"effects": ["viscous-drag"], "log_odds": 1.5, "strains": []}, False),
         ({"effects": ["viscous-drag"], "log_odds": 8.7, "strains": ["green_y_mm", "yellow_y_mm"]}, False),
         ({"effects": ["free:speed.one"], "log_odds": 5.3, "strains": []}, False),
         ({"effects": [], "log_odds": 5.3, "strains": []}, False),
