@@ -31,7 +31,7 @@ from evaluator.diagnosis.search_runs import (
     seeds_without,
 )
 
-UNDECIDED = ("unknown", "insufficient")
+NOT_DECIDED = ("unknown", "insufficient")
 UNSIMULATED = (
     "the model of the robot file cannot be simulated at its command, as where a robot balances on a motion that the "
     "least disturbance ends: are both right? Then change the command a little"
@@ -67,13 +67,13 @@ def _with_changed_values(found: Diagnosis, progress: Watch, fits: FitCache | Non
     if changed is None:
         return found
     progress("values that changed within the session", 0.1)
-    if found.verdict not in UNDECIDED:
+    if found.verdict not in NOT_DECIDED:
         return _searched(changed, progress, fits)
     try:
         again = _searched(changed, progress, fits, only_if_explained=True)
     except SearchStoppedError:
         return found
-    return found if again.verdict in UNDECIDED else again
+    return found if again.verdict in NOT_DECIDED else again
 
 
 def _searched(
@@ -130,7 +130,7 @@ def _searched(
         nominal=ready.start,
     )
     found = reviewed(found)
-    if imitating and found.verdict in UNDECIDED:
+    if imitating and found.verdict in NOT_DECIDED:
         found = replace(found, reason=f"{found.reason}; {imitating}")
     if found.verdict != "unknown" or ready.problem.open_ground:
         return found
