@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 FEWEST_FRAMES = 30  # of random stamps, so many are within a step of even times by no chance
 WINDOW = 20  # frames over which the usual interval is told to a twentieth of a step
-FINE = 0.005  # of the interval: steps in which a robot moves by less than a hundredth of its way between two frames
+FINE = 0.005  # of the interval: times that are wrong by less, in which a robot hardly moves, stay as they are
 # Of the interval: steps beyond which every second frame or fewer would come a step later, as behind a lost frame. No
 # camera takes 64 frames a second, so that the steps of 1/64 s of a computer may be as long as the interval.
 COARSE, OF_COMPUTER_S, LIKE_S = 0.62, 1 / 64, 2e-4
@@ -45,7 +45,7 @@ def _even_within(time_s: Floats, tick: float, more: float) -> Floats | None:
     steps, since = np.diff(time_s), time_s - time_s[0]
     interval = float(np.median(time_s[WINDOW:] - time_s[:-WINDOW])) / WINDOW
     coarsest = WITHIN if abs(tick - OF_COMPUTER_S) < LIKE_S else COARSE
-    if not FINE <= tick / interval <= coarsest:
+    if tick > coarsest * interval:
         return None
     after_gap = steps > interval + WITHIN * tick + more
     frame = np.r_[0.0, np.cumsum(np.where(after_gap, np.rint(steps / interval), 1.0))]

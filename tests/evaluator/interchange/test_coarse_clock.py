@@ -77,7 +77,8 @@ def test_a_camera_that_changes_its_rate_keeps_its_times() -> None:
 
 
 def test_fine_times_and_few_frames_stay_as_they_are() -> None:
-    assert even_times(told(frames(30), 1e-4)) is None
+    assert even_times(told(frames(29.97), 3e-4)) is None  # wrong by half a step, 0.0045 of the interval
+    assert even_times(told(frames(29.97), 4e-4)) is not None
     assert even_times(told(frames(50), 1e-6)) is None
     assert even_times(np.arange(100) * 0.02) is None  # rounded to 0.01 s, and even
     assert even_times(told(frames(30, count=FEWEST_FRAMES - 1), OF_COMPUTER_S)) is None
