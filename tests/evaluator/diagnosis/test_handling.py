@@ -142,6 +142,14 @@ def test_a_film_that_is_cut_while_the_robot_drives_shows_it_in_the_frames_before
     assert found.kind == "late-start"
 
 
+@pytest.mark.parametrize(("share", "drives"), [(0.6, False), (0.8, True), (1.3, True), (2.2, False)])
+def test_what_drives_before_the_start_goes_on_about_as_fast(share: float, drives: bool) -> None:
+    """share: of the speed after the start. Within half of the way before it."""
+    run = cut(filmed(begins_s=0.5), 0.8)
+    slower = 4.0 * (share - 1) * np.minimum(run.time_s - START_S, 0.0)[:, None] * np.array([1.0, 0.0, 1.0, 0.0])
+    assert (moved_before_start_mm(replace(run, marks_mm=run.marks_mm + slower)) > 0.0) == drives
+
+
 def test_what_moves_another_way_than_the_run_goes_on_does_not_drive() -> None:
     run = filmed()
     settling = np.clip(1.0 - run.time_s[:, None], 0.0, None) * np.array([0.0, 0.3, 0.0, 0.3])

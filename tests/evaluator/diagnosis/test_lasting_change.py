@@ -54,6 +54,13 @@ def test_a_change_is_larger_than_the_scatter_on_either_side_and_than_their_own_c
     assert lasting_change(motion(step + np.where(TIMES < 3.0, 0.4, 0.9) * (TIMES % 3.0))) is None
 
 
+def test_speeds_are_those_beside_the_window_of_the_change() -> None:
+    """Windows that hold both speeds are of neither."""
+    speed = np.where(TIMES < 3.0, 1.5, -1.5)
+    speed[np.abs(TIMES - 2.9625) < 0.14] = 0.2
+    assert lasting_change(motion(speed)) == pytest.approx((3.0, 1.5, -1.5), abs=0.15)
+
+
 @pytest.mark.parametrize(("at_s", "found"), [(0.4, False), (0.9, True), (5.0, True), (5.6, False)])
 def test_both_speeds_are_seen_for_three_quarters_of_a_second(at_s: float, found: bool) -> None:
     assert (lasting_change(motion(np.where(at_s > TIMES, 1.5, -1.5))) is not None) == found
