@@ -19,14 +19,14 @@ DEVIATION_DIGITS = 7  # a smaller change is rounding
 def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
     """The text with nominal values where the fit has them, and the effects with their intervals appended."""
     assert diagnosis.terms is not None
-    assert diagnosis.search is not None
     robot = Robot.model_validate(tomllib.loads(text))
     nominal = {key: value for key, value in diagnosis.fit.point.nominal.items() if not is_shared(key)}
     moved = varied_robot(robot, nominal)
     for key, deviation in nominal.items():
         if round(deviation, DEVIATION_DIGITS):
             table, name = key.split(".")
-            said = MOVED.format(abs(deviation) / diagnosis.search.tolerance[key])
+            # as stated: the last search does without tolerances that its noise hides, and loosens what the runs contradict
+            said = MOVED.format(abs(deviation) / diagnosis.session.tolerance[key])
             part = getattr(moved, table)
             if isinstance(part, tuple):
                 text = with_values_of_each(text, table, name, 1 + deviation, said)

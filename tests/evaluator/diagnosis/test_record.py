@@ -335,8 +335,8 @@ def test_an_error_that_no_fit_moved_is_none() -> None:
 def test_a_nominal_value_of_all_wheels_moves_in_each_of_their_tables() -> None:
     text = (Path(__file__).parents[2] / "driven_robot" / "six_wheels.toml").read_text(encoding="utf-8")
     point = Point(np.zeros((1, 7)), {"wheel.radius_mm": 0.02, "body.mass_g": 1e-9})
-    search = SimpleNamespace(tolerance={"wheel.radius_mm": 0.01})
-    found: Any = SimpleNamespace(terms={}, chosen=frozenset(), fit=SimpleNamespace(point=point), search=search)
+    session = SimpleNamespace(tolerance={"wheel.radius_mm": 0.01})
+    found: Any = SimpleNamespace(terms={}, chosen=frozenset(), fit=SimpleNamespace(point=point), session=session)
     before, after = tomllib.loads(text), tomllib.loads(robot_with_effect(found, text))
     for old, new in zip(before.pop("wheel"), after.pop("wheel"), strict=True):
         assert new == {**old, "radius_m": pytest.approx(1.02 * old["radius_m"])}
