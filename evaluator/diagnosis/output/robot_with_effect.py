@@ -25,7 +25,7 @@ def robot_with_effect(diagnosis: Diagnosis, text: str) -> str:
     for key, deviation in nominal.items():
         if round(deviation, DEVIATION_DIGITS):
             table, name = key.split(".")
-            # as stated: the last search does without tolerances that its noise hides, and loosens what the runs contradict
+            # as stated: the last search does without what its noise hides, and loosens what the runs contradict
             said = MOVED.format(abs(deviation) / diagnosis.session.tolerance[key])
             part = getattr(moved, table)
             if isinstance(part, tuple):
