@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 Floats = NDArray[np.float64]
 
@@ -45,14 +44,16 @@ def _even_within(time_s: Floats, tick: float, more: float) -> Floats | None:
     steps, since = np.diff(time_s), time_s - time_s[0]
     interval = float(np.median(time_s[WINDOW:] - time_s[:-WINDOW])) / WINDOW
     coarsest = WITHIN if abs(tick - OF_COMPUTER_S) < LIKE_S else COARSE
-    if tick > coarsest * interval:
+    if not FINE * interval <= tick <= coarsest * interval:  # finer ones, most, are wrong by less than FINE
         return None
+    from scipy.optimize import minimize_scalar  # slow to import, and seldom needed
+
     after_gap = steps > interval + WITHIN * tick + more
     frame = np.r_[0.0, np.cumsum(np.where(after_gap, np.rint(steps / interval), 1.0))]
     slope, begin = np.polyfit(frame, since, 1)
     most = tick / frame[-1]  # a step from the first to the last frame
     apart = minimize_scalar(
-        lambda more: np.ptp(since - (slope + more * most) * frame), bounds=(-1, 1), method="bounded"
+        lambda share: np.ptp(since - (slope + share * most) * frame), bounds=(-1, 1), method="bounded"
     ).fun
     even = begin + slope * frame
     if apart > WITHIN * tick + more or np.abs(even - since).max() < FINE * interval:

@@ -12,7 +12,6 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.intervals import (
     FEWEST_FRAMES,
     HELD_S,
-    LASTS_S,
     interrupts,
     lasting_change,
     longest,
@@ -133,7 +132,7 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     of_run: dict[str, list[RunData]] = {}
     for phase, _ in phases:
         of_run.setdefault(phase.id, []).append(phase)
-    found = []
+    found, changed = list[Found](), list[Found]()
     for run, robot in zip(data, robots, strict=True):
         mine = of_run.get(run.id, [])
         wrongly = [phase for phase in mine if id(phase) in standing and not _others_stand_too(phase, counts)]
@@ -159,27 +158,23 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         if moved is not None:
             found.append(_jumping(run, *moved))
             continue
-        moving = [phase for phase in mine if id(phase) not in standing]
-        by_phase = (_disturbance(phase) or _carried_off(phase) for phase in moving)
+        moving = [(phase, _usual_motion(phase)) for phase in mine if id(phase) not in standing]
+        by_phase = (_disturbance(*phase) or _carried_off(phase[0]) for phase in moving)
         first = outruns_its_wheels(run, robot) or next((item for item in by_phase if item is not None), None)
         if first is not None:
             found.append(first)
-    known = {item.run for item in found}
-    changed = [item for run in data if run.id not in known and (item := _changed(run))]
+        elif run.log is None and (item := _changed(*moving[0])) is not None:
+            changed.append(item)
     accidents = len(changed) <= MOST_CHANGED * len(data)  # many runs change by their physics
     return found + changed * accidents
 
 
-def _changed(run: RunData) -> Found | None:
+def _changed(run: RunData, motion: Motion | None) -> Found | None:
     """A run at one command whose speed changes at once and for good: a motor that fails, or another command.
 
     Not a turn on the spot, whose centre may leave one motion for another by itself.
     """
-    begin, end = _span(run)
-    if run.log is not None or run.left_rpm * run.right_rpm < 0 or end <= begin + 2 * LASTS_S:
-        return None
-    motion = motion_of(run, (begin, end))
-    changed = None if motion is None else lasting_change(motion)
+    changed = None if motion is None or run.left_rpm * run.right_rpm < 0 else lasting_change(motion)
     if changed is None:
         return None
     before, after = (f"{speed:.3g} mm/s".replace("-", "−") for speed in changed[1:])
@@ -289,10 +284,14 @@ def _carried_off(run: RunData) -> Found | None:
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
 
-def _disturbance(run: RunData) -> Found | None:
-    """An interval in which the run is held or pushed, compared with its usual motion."""
+def _usual_motion(run: RunData) -> Motion | None:
+    """The motion of a run at its command, if it lasts long enough to show what is usual."""
     begin, end = _span(run)
-    motion = motion_of(run, (begin, end)) if end > begin + SHOWS_USUAL_S else None
+    return motion_of(run, (begin, end)) if end > begin + SHOWS_USUAL_S else None
+
+
+def _disturbance(run: RunData, motion: Motion | None) -> Found | None:
+    """An interval in which the run is held or pushed, compared with its usual motion."""
     if motion is None:
         return None
     usual = float(np.median(motion.along))

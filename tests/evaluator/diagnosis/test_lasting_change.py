@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -85,7 +84,7 @@ def test_motors_that_are_reversed_without_a_word_are_told_with_time_speeds_and_w
         changing(factor=0.6),
         changing(lasts_s=4.0, at_s=1.0),
         replace(changing(), right_rpm=-20.0),  # on the spot
-        replace(changing(), log=cast("Any", None), stop_s=3.5),  # it is switched off soon
+        replace(changing(), stop_s=3.5),  # it is switched off soon
     ],
 )
 def test_small_slow_and_late_changes_and_turns_on_the_spot_are_left_alone(run: RunData) -> None:

@@ -108,6 +108,10 @@ def test_the_four_best_sets_and_what_is_left_of_them_without_an_effect_are_fitte
     assert (kept.runs, kept.fits) == ((0,), part.fits)
     lost = "c"
     assert frozenset("ab") in search_runs.fit_on_all_runs(part, part.terms).fits
+    asked.clear()  # where nothing explains the runs, no effect is asked whether it is needed
+    monkeypatch.setattr(Search, "explained", property(lambda _: -np.inf))
+    search_runs.fit_on_all_runs(part, part.terms)
+    assert [ids for ids, *_ in asked] == ["ab", "b", "c"]
 
 
 def test_each_effect_of_the_best_set_is_tested_by_a_fit_without_it_until_the_best_stays(
