@@ -30,9 +30,12 @@ from evaluator.diagnosis.assessment.residuals.disagreement import (
     pieces,
 )
 from evaluator.diagnosis.assessment.residuals.rhythm import is_of_robot, rhythm
+from evaluator.diagnosis.assessment.residuals.transient import transient
 from evaluator.diagnosis.assessment.residuals.unexplained import unexplained
 from evaluator.diagnosis.assessment.session_as_found import as_driven, with_session
 from evaluator.diagnosis.assessment.sufficiency import gathered, most_odd
+from evaluator.diagnosis.assessment.verdict import undecided
+from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs, place_starts
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.run_data import is_shared
@@ -64,9 +67,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
     one_frame = found.session.one_frame
     seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
-    beat = rhythm(problem, placed)
-    if beat is not None and found.verdict != "unknown" and not is_of_robot(problem, placed, beat):
-        beat = None
+    course = _shared_course(found, fit)
     where = (most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)
     assert found.terms is not None
     terms, session = found.terms, found.session
@@ -88,7 +89,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
         gap=gap.answered(added=bool(chosen)),
         confirmation=confirmation(part, gap_fit, found.held_out) if found.held_out and chosen else float("nan"),
         pieces=seen,
-        where=(*filter(None, [beat]), *where),
+        where=(*filter(None, [course]), *where),
         pieces_after=seen_after,
         left=tuple(every_dependence(seen_after)),
         outlying=outlying,
@@ -97,7 +98,9 @@ def reviewed(found: Diagnosis) -> Diagnosis:
         known=found.known if follows else tuple(as_taken(item.quantity) for item in found.known),
         known_together=found.known_together if follows else None,
     )
-    return _doubted(found, beat)
+    if course is not None and _is_open_by_rival(found):
+        return replace(found, verdict="unknown", reason=course.sentence)
+    return _doubted(found, course)
 
 
 def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
@@ -118,10 +121,25 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
     )
 
 
-def _doubted(found: Diagnosis, beat: Dependence | None) -> Diagnosis:
+def _shared_course(found: Diagnosis, fit: Fit) -> Dependence | None:
+    """What the residuals of all runs share at a fit: a rhythm, or a transient after changes of the command.
+
+    A rhythm is that of the robot, unless nothing is known of what is missing.
+    """
+    assert found.fit_search is not None
+    problem = found.fit_search.problem
+    runs = range(len(found.session.data))
+    placed = place_runs(problem.of_tracking, fit.point, runs, fit.posterior.scatter)
+    beat = rhythm(problem, placed)
+    if beat is not None and (found.verdict == "unknown" or is_of_robot(problem, placed, beat)):
+        return beat
+    return transient(problem, placed)
+
+
+def _doubted(found: Diagnosis, course: Dependence | None) -> Diagnosis:
     """The diagnosis, with verdict "unknown" or "insufficient" if residuals, gap or unexplained runs contradict it.
 
-    beat: the oscillation of the robot that all runs share, which counts as noise in the fits.
+    course: what the residuals of all runs share, which counts as noise in the fits.
     """
     gap, search = found.gap, found.search
     assert gap is not None
@@ -148,13 +166,23 @@ def _doubted(found: Diagnosis, beat: Dependence | None) -> Diagnosis:
             found = replace(found, reason=f"{found.reason}; detected, but {TOO_SMALL}: {missed.sentence}")
     elif found.verdict == "effect":
         reason = grown_gap(gap, found.held_out, found.outlying, open_ground=open_ground)
-    reason = reason or _missed_command(found) or (beat.sentence if beat and not open_ground else "")
+    reason = reason or _missed_command(found) or (course.sentence if course and not open_ground else "")
     few = "runs of more commands are needed" if open_ground and found.chosen else ""
     if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
         reason = f"{fitted}{reason.removeprefix('with it, ')}; {few}"
         return withdrawn(found, reason)
     return replace(found, verdict="unknown", reason=reason) if reason else found
+
+
+def _is_open_by_rival(found: Diagnosis) -> bool:
+    """Whether enough runs leave the verdict open only for a set that is not proven and leaves a common course, too."""
+    assert found.search is not None
+    assert found.standing is not None
+    if found.verdict != "insufficient" or too_few_runs(found.search, frozenset(), found.session):
+        return False
+    rival, why = undecided(found.search, found.standing)
+    return found.reason == why and _shared_course(found, found.search.fits[rival]) is not None
 
 
 def _missed_command(found: Diagnosis) -> str:

@@ -29,6 +29,8 @@ def reviewed(
     held_out: tuple[int, ...] = (),
     beat: str | None = None,
     of_robot: bool = True,
+    after_changes: str | None = None,
+    by_rival: bool = False,
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """The review of an answer over four runs whose marks it misses by these gaps, and what it began from.
 
@@ -66,7 +68,9 @@ def reviewed(
         "as_taken": lambda item: f"{item} as taken",
         "rhythm": lambda *_: beat,
         "is_of_robot": lambda *_: of_robot,
-        "_doubted": lambda found, beat: began.update(beat=beat) or found,
+        "transient": lambda *_: after_changes,
+        "_is_open_by_rival": lambda _: by_rival,
+        "_doubted": lambda found, course: began.update(course=course) or found,
     }
     for name, part_of in parts.items():
         monkeypatch.setattr(review, name, part_of)
@@ -128,7 +132,47 @@ def test_an_oscillation_of_the_robot_is_told_first_and_one_of_the_camera_not(
 ) -> None:
     found, began = reviewed(monkeypatch, [0.2] * 4, chosen=chosen, beat="0.9 Hz", of_robot=of_robot)
     assert (found.where[0] == "0.9 Hz") == of_robot
-    assert began["beat"] == ("0.9 Hz" if of_robot else None)
+    assert began["course"] == ("0.9 Hz" if of_robot else None)
+
+
+@pytest.mark.parametrize(("beat", "of_robot", "told"), [("0.9 Hz", True, 0), ("0.9 Hz", False, 1), (None, True, 1)])
+def test_what_follows_each_change_of_the_command_is_told_where_no_rhythm_is(
+    monkeypatch: pytest.MonkeyPatch, beat: str | None, told: int, *, of_robot: bool
+) -> None:
+    found, began = reviewed(monkeypatch, [0.2] * 4, beat=beat, of_robot=of_robot, after_changes="it rings")
+    assert found.where[0] == began["course"] == ("0.9 Hz", "it rings")[told]
+
+
+def test_a_course_that_no_rival_explains_ends_what_only_the_rival_leaves_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    course: Any = SimpleNamespace(sentence="it rings")
+    found, began = reviewed(monkeypatch, [0.2] * 4, after_changes=course, by_rival=True)
+    assert (found.verdict, found.reason) == ("unknown", "it rings")
+    assert "course" not in began  # nothing else is asked
+    found, began = reviewed(monkeypatch, [0.2] * 4, by_rival=True)
+    assert (found.verdict, began["course"]) == ("effect", None)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "few", "reason", "left", "is_open"),
+    [
+        ("insufficient", "", "odds of 9 to 1", True, True),
+        ("none", "", "odds of 9 to 1", True, False),
+        ("insufficient", "too few", "odds of 9 to 1", True, False),
+        ("insufficient", "", "the search was stopped", True, False),
+        ("insufficient", "", "odds of 9 to 1", False, False),  # the rival explains it
+    ],
+)
+def test_a_verdict_is_open_by_a_rival_that_leaves_the_course_as_well(
+    verdict: Any, few: str, reason: str, monkeypatch: pytest.MonkeyPatch, *, left: bool, is_open: bool
+) -> None:
+    fits = {TILT: "its fit"}
+    monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
+    monkeypatch.setattr(review, "undecided", lambda *_: (TILT, "odds of 9 to 1"))
+    monkeypatch.setattr(review, "_shared_course", lambda _, fit: fit if left and fit == "its fit" else None)
+    found: Any = SimpleNamespace(
+        verdict=verdict, reason=reason, standing="table", search=SimpleNamespace(fits=fits), session="session"
+    )
+    assert review._is_open_by_rival(found) == is_open
 
 
 def doubted(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.residuals.disagreement import QUANTITIES, UNITS, Dependence
+from evaluator.diagnosis.assessment.residuals.ways import Ways, residual_ways
 
 if TYPE_CHECKING:
     from evaluator.diagnosis.likelihood.point import Point
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 # Share of the squares of all runs that a sine of one frequency must explain. Of 240 sets of ten drawn runs (random
 # walks, integrated ones, noise with and without memory) the largest was 0.33; a controller that hunts had 0.99.
 EXPLAINS = 0.5
-FEWEST_RUNS, FEWEST_FRAMES = 5, 30
+FEWEST_RUNS = 5
 LEAST_PERIODS, FRAMES_PER_PERIOD = 3.0, 6.0  # of a run; fewer are as slow as the course beside it
 PER_RUN = 4  # frequencies over one more period in a run
 SLOW = 3  # degree of the slow course of a run
@@ -40,7 +41,7 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
     Its size is the amplitude of the velocity, RMS over the runs: of speed or yaw rate, which is explained better. Its
     sigmas count every frame as independent, and are the most that they can be.
     """
-    times, ways, _ = _ways(problem, point)
+    times, ways, _ = _driven(residual_ways(problem, point))
     if len(times) < FEWEST_RUNS:
         return None
     found = []
@@ -61,7 +62,7 @@ def rhythm(problem: Problem, point: Point) -> Dependence | None:
 
 def is_of_robot(problem: Problem, point: Point, beat: Dependence) -> bool:
     """Whether an oscillation at a point of a model is the robot's, and not that of a camera or a plate that shakes."""
-    times, ways, across = _ways(problem, point)
+    times, ways, across = _driven(residual_ways(problem, point))
     frequency, along = beat.sizes[0][0], ways["along_mm_s"]
     beats = np.array([frequency])
     moved, aside = (_squares(times, part, beats)[0][0] for part in (along, across))
@@ -91,22 +92,11 @@ def _at_rest(problem: Problem, lasts_s: float) -> tuple[list[Floats], tuple[list
     return times, (x, y)
 
 
-def _ways(problem: Problem, point: Point) -> tuple[list[Floats], dict[str, list[Floats]], list[Floats]]:
-    """Times, s, and residual ways of the driven frames of each run: mm along the robot and deg; mm across it."""
-    times: list[Floats] = []
-    along, turned, across = list[Floats](), list[Floats](), list[Floats]()
-    for number, run in enumerate(problem.data):
-        residual, channels = problem.residuals([point.task(number)])[0], problem.channels[number]
-        stop_s = np.inf if run.stop_s is None else run.stop_s
-        used = np.isfinite(residual[:, :3]).all(axis=1) & (run.time_s > run.start_s) & (run.time_s < stop_s)
-        if used.sum() < FEWEST_FRAMES:
-            continue
-        heading = channels[used, 2] - np.pi / 2
-        times.append(run.time_s[used] - run.start_s)
-        along.append(np.cos(heading) * residual[used, 0] + np.sin(heading) * residual[used, 1])
-        across.append(np.cos(heading) * residual[used, 1] - np.sin(heading) * residual[used, 0])
-        turned.append(np.degrees(residual[used, 2] / problem.half_distance_mm))
-    return times, {"along_mm_s": along, "yaw_deg_s": turned}, across
+def _driven(ways: Sequence[Ways]) -> tuple[list[Floats], dict[str, list[Floats]], list[Floats]]:
+    """Times since the start, s, and residual ways of each run: mm along the robot and deg; mm across it."""
+    along, turned = [item.along_mm for item in ways], [item.turned_deg for item in ways]
+    times = [item.time_s - item.run.start_s for item in ways]
+    return times, {"along_mm_s": along, "yaw_deg_s": turned}, [item.across_mm for item in ways]
 
 
 def _strongest(times: Sequence[Floats], ways: Sequence[Floats]) -> tuple[float, float, float]:
