@@ -29,6 +29,7 @@ def excess(time: float, step: float, start: Any, guess: Any, model: Any, work: A
 
     The derivative of the accelerations by velocity is stored in work.bent.
     """
+    work.tried += 1.0
     for item in range(3):
         guess[item] = start[item] + 0.5 * step * (start[3 + item] + guess[3 + item])
     place = place_after(work.pose, guess[0], guess[1], guess[2], time + step, model)

@@ -39,6 +39,7 @@ def work_type(slots: int) -> np.dtype[np.void]:
             ("inverses", float, (POINTS, 3, 3)),
             ("growth", float),  # of a disturbance of the velocity at the start of the step, 1/s
             ("grown", float),  # logarithm of the growth of disturbances in the segment
+            ("tried", float),  # evaluations of the forces by implicit Euler steps since the start of the run
         ],
         align=True,
     )

@@ -26,6 +26,7 @@ def worked(velocity: tuple[float, float, float]) -> Any:
     work = SimpleNamespace(**{name: np.zeros(shape) for name, shape in shapes.items()})
     work.pose, work.y, work.spare = np.array([1.0, -2.0, 0.4]), np.array([0.0, 0.0, 0.0, *velocity]), np.zeros((8, 6))
     work.inverses, work.segment, work.contacts = np.zeros((1, 3, 3)), np.zeros(9), None
+    work.tried = 0.0
     return work
 
 
@@ -144,6 +145,7 @@ def test_newtons_method_needs_one_step_in_a_linear_world_and_gives_up_where_it_i
     places, place_after = list[Any](), EULER.place_after
     monkeypatch.setattr(EULER, "place_after", lambda *said: places.append(said[1:5]) or place_after(*said))  # type: ignore[func-returns-value]
     size = EULER.excess(0.3, step, work.y, guess, MODEL, work, residual)
+    assert work.tried == 1.0
     assert places == [(*(step / 2 * (work.y[3:6] + guess[3:])), 0.35)]  # the mean of both velocities on
     assert size == pytest.approx(np.linalg.norm(residual * [1.0, 1.0, 2.0]))  # a lever of 2 mm
     assert EULER.newton_change(step, residual, work, change)

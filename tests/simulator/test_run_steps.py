@@ -281,3 +281,20 @@ def test_a_run_that_takes_no_step_fails(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(RUN, "short_step", lambda *_: (1e-12, 1e-12))  # forces that jump at this state
     monkeypatch.setattr(RUN, "is_resting", lambda *_: False)
     assert run(monkeypatch, STILL, still)[2][:2] == (RUN.FAILED, RUN.MOST_STALLED)
+
+
+def test_a_run_whose_steps_need_thousands_of_evaluations_fails_long_before_it_has_taken_all_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Twenty-five evaluations for each step that it may take, 500 here: 40 steps of 314 evaluations, not 39."""
+
+    def stuck(
+        _time: float, _step: float, _remaining: float, _tol: float, _sticking: bool, _model: Any, work: Any
+    ) -> Any:
+        work.tried += 314.0
+        return 1e-3, 1e-3
+
+    monkeypatch.setattr(RUN, "near_manifold", lambda *_: False)
+    monkeypatch.setattr(RUN, "short_step", stuck)
+    for _ in range(2):  # each run begins to count anew
+        assert run(monkeypatch, STILL, still)[2][:2] == (RUN.FAILED, 40)
