@@ -6,6 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from evaluator.errors import InputError
+from evaluator.files.reading import quoted
+
+LONGEST_HEAD = 100_000  # characters of the line of names of a table
 
 
 def refuse_to_replace(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
@@ -16,6 +19,26 @@ def refuse_to_replace(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
             raise InputError(
                 f"{read[identity]}: is read, and {output} would replace it; write the results to another folder (-o)"
             )
+
+
+def refuse_to_lose(output: Path, columns: Iterable[str]) -> None:
+    """Raise InputError if an output exists and is no table of its own kind, which has these columns.
+
+    A result that is computed again replaces the one before; a recording or notes of the same name are not lost to it.
+    """
+    try:
+        if not output.is_file():  # not there, or a device
+            return
+        with output.open(encoding="utf-8", errors="replace") as file:
+            first = file.readline(LONGEST_HEAD)
+            empty = not (first + file.read(1)).strip()
+    except (OSError, ValueError):  # as unfit for writing
+        return
+    if not empty and not set(columns) <= set(first.strip().split(",")):
+        raise InputError(
+            f"{output}: exists, and is no table that this command writes (it begins {quoted(first.strip())}); give "
+            "another name, or remove it"
+        )
 
 
 def identity_of(path: Path) -> tuple[int, int] | None:

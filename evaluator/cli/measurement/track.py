@@ -69,6 +69,7 @@ def track(
     "-" for standard input. The table is in px; with --camera also in mm on the plane of the marks.
     """
     from evaluator.cli.progress import progress_bar
+    from evaluator.files import refuse_to_lose
     from evaluator.wording import counted
     from evaluator.workflow import track_recording
 
@@ -78,6 +79,7 @@ def track(
 
             write_search_sheet(recording, marks, wanted, explain)
 
+    refuse_to_lose(output, ("frame", "time_s"))
     hint = "--explain search.png shows all candidates" if explain is None else f"see {explain}"
     with progress_bar(f"tracking {Path(video).name}", quiet=quiet) as progress:
         tracked = track_recording(

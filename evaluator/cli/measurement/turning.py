@@ -100,6 +100,7 @@ def turning(
     The radius is the smallest one of the robot's centre that is sustained for a quarter turn, with its 95 % interval.
     """
     from evaluator.errors import InputError
+    from evaluator.files import refuse_to_lose
     from evaluator.report.numbers import true_minus
     from evaluator.workflow.turning_tables import Request, Ruler, measure_table, together
 
@@ -115,6 +116,9 @@ def turning(
         left_rpm=left_rpm,
         right_rpm=right_rpm,
     )
+    for path, columns in ((output, ("run", "radius_status")), (phases, ("run", "start_s", "kind"))):
+        if path is not None:
+            refuse_to_lose(path, columns)
     found, faults = [], 0
     for path in marks:
         try:

@@ -49,10 +49,12 @@ def simulate(
     """Simulate one run: pose, velocities, and slip and friction of every wheel over time."""
     import math
 
+    from evaluator.files import refuse_to_lose
     from evaluator.files.csv_tables import write_table
     from evaluator.workflow import simulate as simulate_run
     from simulator.run import State
 
+    refuse_to_lose(output, ("time_s", "u_mm_s", "v_mm_s"))
     run = simulate_run(
         robot,
         left_rpm,

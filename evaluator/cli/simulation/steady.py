@@ -43,10 +43,12 @@ def steady(
     """
     import numpy as np
 
+    from evaluator.files import refuse_to_lose
     from evaluator.files.csv_tables import write_table
     from evaluator.wording import counted
     from evaluator.workflow import steady_turns
 
+    refuse_to_lose(output, ("left_rpm", "ratio", "radius_mm"))
     table = steady_turns(robot, left_rpm, np.linspace(*ratios).tolist())
     write_table(table, output)
     if not quiet:

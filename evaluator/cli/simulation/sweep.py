@@ -42,9 +42,11 @@ def sweep(sweep_file: Path, output: Path, workers: int | None, dask: str | None,
     effect.ID.PARAMETER. Repeat the command to continue an interrupted sweep.
     """
     from evaluator.cli.progress import progress_bar
+    from evaluator.files import refuse_to_lose
     from evaluator.wording import counted
     from evaluator.workflow import run_sweep
 
+    refuse_to_lose(output, ("run", "yaw_rate_deg_s", "status"))
     with progress_bar("sweep", quiet=quiet) as progress:
         done = run_sweep(sweep_file, output, workers=workers, dask=dask, progress=progress)
     if not quiet:

@@ -66,6 +66,38 @@ def test_a_command_refuses_to_replace_what_it_reads(words: str, lost: str, folde
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "simulate --robot barrel --left 3 --right 2 --duration 1 -o {}",
+        "steady --left 33 -o {}",
+        "sweep sweep.toml -o {}",
+        "track film.mp4 -o {}",
+        "turning log.csv -o {}",
+        "turning log.csv --phases {}",
+    ],
+)
+def test_a_table_replaces_only_one_of_its_kind(words: str, folder: Path) -> None:
+    for text in (HEAD, "my notes", "\ufeff" + HEAD, HEAD.strip()):
+        (folder / "book.csv").write_text(text, encoding="utf-8")
+        refused = run(*words.format("book.csv").split()).exception
+        assert isinstance(refused, InputError)
+        assert str(refused).startswith("book.csv: exists, and is no table that this command writes (it begins '")
+        assert str(refused).endswith("'); give another name, or remove it")
+        assert (folder / "book.csv").read_text(encoding="utf-8") == text
+
+
+def test_a_result_that_is_computed_again_replaces_the_one_before(folder: Path) -> None:
+    for text in ("", "\n", "left_rpm,right_rpm,ratio,radius_mm\n"):
+        (folder / "turns.csv").write_text(text, encoding="utf-8")
+        assert (
+            run(*["steady", "--left", "33", "--ratios", "0.5", "0.4", "2", "-o", "turns.csv", "-q"]).exception is None
+        )
+        assert (folder / "turns.csv").read_text(encoding="utf-8").count("\n") == 3
+    assert run("steady", "--left", "33", "--ratios", "0.5", "0.5", "1", "-o", "turns.csv", "-q").exception is None
+    assert (folder / "turns.csv").read_text(encoding="utf-8").count("\n") == 2
+
+
 def test_two_outputs_have_two_names(folder: Path) -> None:
     refused = run("track", "film.mp4", "-o", "new.csv", "--sheet", str(folder / "new.csv")).exception
     said = "is named by -o and --sheet; give each a name of its own"
