@@ -40,6 +40,15 @@ def starts_anywhere(container: Any) -> bool:
     return container.format.name in STREAMED
 
 
+def is_sparse(container: Any) -> bool:
+    """Whether frames come at some steps of the clock of an AVI only; what it announces are the steps, not the frames.
+
+    So FFmpeg writes frames of varying rate, with empty ones between them that it leaves out again.
+    """
+    stream = videos_of(container)[0]
+    return container.format.name == "avi" and bool(stream.average_rate != stream.guessed_rate)
+
+
 def asked_of_viewers(container: Any) -> Iterator[str]:
     """Notes on other videos in a file, and on non-square pixels."""
     first, *others = videos_of(container)

@@ -20,6 +20,7 @@ from evaluator.recording.streams import (
     Undiscarded,
     asked_of_viewers,
     has_decoding_times,
+    is_sparse,
     starts_anywhere,
     videos_of,
 )
@@ -64,11 +65,14 @@ class Recording:
         container = self._open()
         stream = videos_of(container)[0]
         self.size_px: tuple[int, int] = stream.width, stream.height
-        self.nominal_rate: Fraction | None = stream.average_rate or stream.guessed_rate
-        self.expected_frames: int = stream.frames  # 0 if the container does not state it
+        sparse = is_sparse(container)
+        self.nominal_rate: Fraction | None = (not sparse and stream.average_rate) or stream.guessed_rate
+        self.expected_frames: int = 0 if sparse else stream.frames  # 0 if the container does not state it
         # The duration of a container is that of the frames only if it contains no other streams.
         alone = container.duration is not None and len(container.streams) == 1 and not live
         self.expected_s: float | None = container.duration / av.time_base if alone else None
+        if sparse:  # FFmpeg shortens the duration of one that is cut off
+            self.expected_s = float(stream.frames * stream.time_base)
         self.tick: Fraction = stream.time_base
         self._opened: Any = container
         self._packets: Undiscarded | None = None  # of the last iteration

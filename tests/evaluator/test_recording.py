@@ -12,6 +12,7 @@ import pytest
 
 from evaluator.errors import InputError
 from evaluator.recording import open_recording
+from evaluator.workflow.runs.stages import _refuse_cut
 from tests.evaluator.tracking.synthetic import draw, noise_images, turning_marks, write_video
 
 
@@ -79,6 +80,26 @@ def test_h264_in_avi_has_its_times_in_order_however_its_frames_refer_to_each_oth
     assert [time for time, _ in frames] == [Fraction(k, 60) for k in range(24)]
     assert np.all(np.diff([light for _, light in frames]) > 0)
     assert recording.report().notes == ()
+
+
+def test_an_avi_with_frames_at_some_steps_of_its_clock_announces_steps_and_is_whole(tmp_path: Path) -> None:
+    """Thirty frames a second on a clock of 600, one of them late: FFmpeg's header has 20 times as many as there are."""
+    ticks = [20 * k + (k == 20) for k in range(48)]
+    how = {"codec": "mjpeg", "pixels": "yuvj420p", "rate": Fraction(600)}
+    video = write_video(tmp_path / "v.avi", noise_images(48), pts=ticks, **how)  # type: ignore[arg-type]
+    recording = open_recording(video)
+    assert [frame.time for frame in recording] == [Fraction(tick, 600) for tick in ticks]
+    assert (recording.expected_frames, recording.nominal_rate) == (0, 30)
+    assert recording.report().notes == ()
+    _refuse_cut(recording, recording.report(), video)  # type: ignore[arg-type]
+    content = video.read_bytes()
+    video.write_bytes(content[: len(content) // 2])
+    recording = open_recording(video)
+    list(recording)
+    with pytest.raises(InputError, match=r"cut off after 0\.[6-9]\d s: the file announces 1\.57 s"):
+        _refuse_cut(recording, recording.report(), video)  # type: ignore[arg-type]
+    even = open_recording(write_video(tmp_path / "even.avi", noise_images(8), codec="mjpeg", pixels="yuvj420p"))
+    assert (even.expected_frames, even.nominal_rate) == (8, 60)
 
 
 def test_a_recording_whose_clock_stops_is_refused(tmp_path: Path) -> None:
