@@ -6,7 +6,7 @@ also have frame, NAME_x_sigma_mm …, NAME_status. A missing mark is NaN in the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -49,11 +49,14 @@ def points_of(table: pd.DataFrame, names: Iterable[str], unit: str = "mm") -> ND
     )
 
 
-def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataFrame:
+def read_marks(
+    path: Path | str, names: Iterable[str] | None = None, called: Mapping[str, str] | None = None
+) -> pd.DataFrame:
     """Read a marks CSV. Raises InputError for a file that is not one.
 
-    names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required. Rows
-    with the time and the numbers of the one before are left out; attrs["repeated"] of the table counts them.
+    names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required. called:
+    names that marks have in the file, by mark; one that is not there is of another file. Rows with the time and the
+    numbers of the one before are left out; attrs["repeated"] of the table counts them.
     """
     path = Path(path)
     try:
@@ -62,6 +65,7 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         raise InputError(f"{path}: no such file") from error
     if "time_s" not in table:
         raise InputError(f"{path}: lacks time_s; a marks CSV has {_described(names or ['NAME'])}")
+    table = _by_mark(table, called or {}, path)
     if names is not None:
         names = list(names)
         there = [name for name in names if set(columns_of([name])) <= set(table)]
@@ -82,6 +86,23 @@ def read_marks(path: Path | str, names: Iterable[str] | None = None) -> pd.DataF
         table.attrs["repeated"] = int(twice.sum())
     check_marks(table, path)
     return table.reset_index(drop=True)
+
+
+def _by_mark(table: pd.DataFrame, called: Mapping[str, str], path: Path) -> pd.DataFrame:
+    """A table with its columns named by mark, where they have the names that these marks are called by."""
+    there = {*mark_names(table), *mark_names(table, "px")}
+    marks = {name: mark for mark, name in called.items() if name in there and name != mark}
+    for mark in marks.values():
+        if mark in there and mark not in marks:
+            raise InputError(
+                f"{path}: holds {mark} itself beside {called[mark]}, which [tracks] calls {mark}; name both"
+            )
+
+    def of_mark(column: str) -> str:
+        name = max((name for name in there if column.startswith(f"{name}_")), key=len, default="")
+        return marks.get(name, name) + column[len(name) :]
+
+    return table.rename(columns=lambda column: of_mark(str(column))) if marks else table
 
 
 def repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:

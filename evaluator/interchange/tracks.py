@@ -86,7 +86,7 @@ def read_any_marks(
         from evaluator.interchange.tracker_faults import without_faults
         from evaluator.marks import mark_names, read_marks
 
-        table = _in_mm(read_marks(path, marks or None), said)
+        table = _in_mm(read_marks(path, marks or None, said.names), said)
         return without_faults(table, mark_names(table))
     time, points, unit = _foreign_points(path, program, said, marks := marks or tuple(said.names), min(2, len(marks)))
     return _marks_table(path, time, points, unit, camera, height_mm)
@@ -122,7 +122,7 @@ def _own_points(path: Path, tracks: Tracks) -> tuple[Array, dict[str, Array], st
     """Marks of a marks CSV under any name, in mm if it has them, else in px."""
     from evaluator.marks import mark_names, read_marks
 
-    table = read_marks(path)
+    table = read_marks(path, called=tracks.names)
     for unit in ("mm", "px"):
         ends = (f"_x_{unit}", f"_y_{unit}")
         if names := mark_names(table, unit):

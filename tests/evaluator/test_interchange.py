@@ -306,3 +306,30 @@ def test_option_of_a_mark_may_begin_like_a_known_one(arguments: list[str], names
 def test_misspelt_option_is_no_mark(arguments: list[str]) -> None:
     with pytest.raises(NoSuchOption):
         turning.make_context("turning", ["r.trk", *arguments])
+
+
+def test_marks_of_our_own_form_may_have_other_names_too(truth: pd.DataFrame, tmp_path: Path) -> None:
+    """The two names exchanged, or one of another tracker; ignored without a word until 30 November."""
+    path = tmp_path / "r01.csv"
+    truth.to_csv(path, index=False)
+    exchanged = read_any_marks(
+        path, Tracks.model_validate({"green": "yellow", "yellow": "green"}), marks=("green", "yellow")
+    )
+    np.testing.assert_array_equal(exchanged["green_x_mm"], truth["yellow_x_mm"])
+    np.testing.assert_array_equal(exchanged["yellow_y_mm"], truth["green_y_mm"])
+    _, points, _ = read_points(path, Tracks.model_validate({"green": "yellow", "yellow": "green"}))
+    np.testing.assert_array_equal(points["green"], truth[["yellow_x_mm", "yellow_y_mm"]])
+    named = truth.rename(columns=lambda name: name.replace("green", "front_left"))
+    named.assign(front_x_mm=1.0, front_y_mm=2.0, front_left_x_sigma_mm=0.1).to_csv(path, index=False)
+    said = Tracks.model_validate({"green": "front_left", "blue": "of another file"})
+    table = read_any_marks(path, said, marks=("green", "yellow"))
+    np.testing.assert_array_equal(table["green_x_mm"], truth["green_x_mm"])
+    assert {"front_x_mm", "green_x_sigma_mm", "yellow_x_mm"} <= set(table)
+    with pytest.raises(InputError, match=r"lacks green_x_mm, green_y_mm"):
+        read_any_marks(path, None, marks=("green", "yellow"))
+    with pytest.raises(
+        InputError, match=r"r01.csv: holds yellow itself beside front, which \[tracks\] calls yellow; name both"
+    ):
+        read_any_marks(
+            path, Tracks.model_validate({"green": "front_left", "yellow": "front"}), marks=("green", "yellow")
+        )

@@ -81,7 +81,9 @@ def hypothetical(
     marks = forward.marks([placed_at.task(run) for run in range(len(data))])
     data = tuple(replace(run, marks_mm=item) for run, item in zip(data, marks, strict=True))
     channels = tuple(channels_of(item) for item in marks)
-    half = float(np.nanmedian(np.concatenate([item[:, 3] for item in channels]))) / 2  # NaN: cannot be simulated
+    distances = np.concatenate([item[:, 3] for item in channels])
+    seen = distances[np.isfinite(distances)]  # of runs that can be simulated
+    half = float(np.median(seen)) / 2 if len(seen) else np.nan
     distinct = {len(time): time for time in times}
     by_length = {size: compression(time, np.ones(size, dtype=np.bool_), noise) for size, time in distinct.items()}
     compressions = tuple(by_length[len(time)] for time in times)
