@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from functools import cache
 from importlib.resources import files
@@ -24,6 +25,13 @@ Place = tuple[float, float]
 Kind = Literal["color", "light", "aruco", "apriltag"]
 TAGS: tuple[Kind, ...] = ("aruco", "apriltag")
 DIAMETER_MM, HEIGHT_MM = 1.0, 6.5  # of the paper's marks
+# Names begin the names of columns and of keys: letters and digits of any script, and within them _, - and blanks.
+MARK_NAME = r"^\w(?:[\w -]*\w)?$"
+
+
+def is_mark_name(name: str) -> bool:
+    """Whether a mark may have a name."""
+    return re.fullmatch(MARK_NAME.strip("^$"), name) is not None
 
 
 class Mark(BaseModel):
@@ -31,7 +39,7 @@ class Mark(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    name: str = Field(pattern=MARK_NAME)
     x_mm: Finite  # forward, of the centre
     y_mm: Finite  # to the left, of the centre
     diameter_mm: Positive = DIAMETER_MM  # of a tag: side of its black square

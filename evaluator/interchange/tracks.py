@@ -25,6 +25,7 @@ from evaluator.interchange.plain_table import columns_of, read_plain
 from evaluator.interchange.pose_estimators import read_binary, read_deeplabcut, read_sleap
 from evaluator.interchange.tracker_files import plain_name, read_project, read_tracker_text
 from evaluator.wording import MM_PER
+from simulator.mark_layout import is_mark_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -159,7 +160,7 @@ def _foreign_points(
     named = _whole(readers[program], path, said)
     known = {plain_name(name): name for name in named.points} if program in ("tracker", "project") else {}
     if not marks:
-        marks = [name for name in known or named.points if name.isidentifier()]
+        marks = [name for name in known or named.points if is_mark_name(name)]
     points = {}
     for mark in marks:
         there = known.get(plain_name(said.name(mark)), said.name(mark))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from evaluator.files import written_whole
 from evaluator.progress import Progress, no_progress
 from evaluator.recording import Frame
-from evaluator.tracking.settings import HUE_RANGES
+from evaluator.tracking.settings import HUE_RANGES, hue_word
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -57,7 +57,7 @@ def mark_names(table: pd.DataFrame) -> list[str]:
 
 def color_of(name: str) -> Color:
     """RGB of a mark by the colour in its name."""
-    hues = HUE_RANGES.get(name.split("_", maxsplit=1)[0])
+    hues = HUE_RANGES.get(hue_word(name))
     if hues is None:
         return OTHER
     red, green, blue = colorsys.hsv_to_rgb(sum(hues) / 720 % 1, 0.7, 1.0)

@@ -10,6 +10,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from simulator.mark_layout import is_mark_name
+
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Box = tuple[Finite, Finite, Finite, Finite]  # left, top, right, bottom in px
 
@@ -18,6 +20,11 @@ HUE_RANGES = {name: (float(low), float(high)) for name, (low, high) in _PRESETS[
 DEFAULT_MARKS: tuple[str, ...] = tuple(_PRESETS["default_marks"])
 HEX = r"#[0-9a-fA-F]{6}"
 Kind = Literal["color", "light", "aruco", "apriltag"]
+
+
+def hue_word(name: str) -> str:
+    """The first word of the name of a mark, which may be its colour."""
+    return re.split(r"[ _-]", name, maxsplit=1)[0]
 
 
 class Table(BaseModel):
@@ -60,7 +67,7 @@ class MarkSettings(Table):
         """Hues of this mark, HSV degrees; name: of the mark, whose colour is the default."""
         if self.hue_deg is not None:
             return self.hue_deg
-        color = self.color or name.split("_", maxsplit=1)[0]
+        color = self.color or hue_word(name)
         if color.startswith("#"):
             import colorsys
 
@@ -109,9 +116,9 @@ class TrackingSettings(Table):
         if not self.mark:
             raise ValueError(f"mark is empty: name at least one mark, for example [mark.{DEFAULT_MARKS[0]}]")
         for name, mark in self.mark.items():
-            if not name.isidentifier():
-                raise ValueError(f"mark name {name!r} must be letters, digits and underscores")
-            if mark.kind == "color" and not (mark.hue_deg or mark.color) and name.split("_")[0] not in HUE_RANGES:
+            if not is_mark_name(name):
+                raise ValueError(f"mark name {name!r} must be letters and digits, with _, - and blanks between them")
+            if mark.kind == "color" and not (mark.hue_deg or mark.color) and hue_word(name) not in HUE_RANGES:
                 raise ValueError(
                     f'mark {name}: say its color, for example color = "#3050ff", or its kind: light, aruco or apriltag'
                 )

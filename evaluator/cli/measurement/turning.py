@@ -164,10 +164,11 @@ def _robot(name: str | None) -> Any:
 def _tracks(names: tuple[str, ...], unit: str | None, rate_hz: float | None) -> Tracks:
     from evaluator.errors import InputError
     from evaluator.interchange.tracks import Tracks
+    from simulator.mark_layout import is_mark_name
 
     said = dict(item.partition("=")[::2] for item in names)
     for mark, name in said.items():
-        if not (mark.isidentifier() and name) or mark in Tracks.model_fields:
+        if not (is_mark_name(mark) and name) or mark in Tracks.model_fields:
             raise InputError(
                 f"--name {mark}={name}: expected MARK=NAME, the mark of robot.toml and its name in the table"
             )

@@ -22,6 +22,7 @@ from evaluator.workflow import (
     write_corrections,
     write_tracking,
 )
+from simulator.mark_layout import is_mark_name
 
 MOST_LOOKED_AT = 16  # frames of a contact sheet
 MOST_CORRECTIONS = 20_000  # both marks in three minutes at 60 frames/s
@@ -109,7 +110,7 @@ def _correction(row: Any) -> Json:
     if not isinstance(row, dict) or type(row.get("frame")) is not int or row["frame"] < 0:
         raise InputError("a correction needs the number of a frame")
     mark = row.get("mark")
-    if not isinstance(mark, str) or not mark.isidentifier():
+    if not isinstance(mark, str) or not is_mark_name(mark):
         raise InputError("a correction needs the name of a mark")
     if row.get("x") is None:
         return {"frame": row["frame"], "mark": mark, "x": None, "y": None}
