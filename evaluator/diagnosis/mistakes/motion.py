@@ -273,7 +273,7 @@ def _missing_over(
     """Displacement from the expected motion in an interval, and the part that noise and a change of speed explain, mm.
 
     course: times (n,), midpoints (n, 2) and headings (n,) from `midpoint_and_heading`. Both are 0 for too few frames
-    before or after.
+    before or after, or a long time without any beside the interval.
     """
     time, middle, heading = course
     before = np.flatnonzero((time >= between[0]) & (time <= stretch[0]))[-AROUND_GAP:]
@@ -281,6 +281,8 @@ def _missing_over(
     if min(len(before), len(after)) < FEWEST_AROUND:
         return 0.0, 0.0
     ends = time[before[-1]], time[after[0]]
+    if ends[1] - ends[0] > stretch[1] - stretch[0] + LONGEST_GAP_S:  # the robot left the view beside the stretch
+        return 0.0, 0.0
     views = [_moving_at(time[p], middle[p], heading[p], at) for p, at in zip((before, after), ends, strict=True)]
     half = float(ends[1] - ends[0]) / 2
     met = [_carried(pose, velocity, way) for (pose, velocity, _), way in zip(views, (half, -half), strict=True)]

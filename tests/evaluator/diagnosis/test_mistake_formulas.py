@@ -148,6 +148,17 @@ def test_a_displacement_counts_beyond_eight_sigmas_carried_over_the_gap() -> Non
     assert gap(1.6 * limit, sigma) == pytest.approx(1.6 * limit, rel=0.3)
 
 
+@pytest.mark.parametrize(("away_s", "seen"), [(0.9, True), (1.2, False)])
+def test_nothing_is_known_of_an_interval_beside_which_the_robot_is_out_of_view_for_a_second(
+    away_s: float, *, seen: bool
+) -> None:
+    """A turn that leaves the view 0.15 s after a window with an odd velocity, and comes back elsewhere."""
+    marks = along(2.0 * TIME + 3.0 * (TIME > 1.2))
+    keep = (TIME < 1.15) | (1.15 + away_s < TIME)
+    run = recorded(marks[keep], TIME[keep])
+    assert (displacement_over(run, (1.0, 1.15), (0.0, 3.0)) > 2.0) == seen
+
+
 def test_speeds_that_differ_across_a_gap_explain_as_much_as_they_carry_in_half_of_it() -> None:
     allowed = (5.0 - 2.0) * 13 / RATE
     for speeds in ((2.0, 5.0), (5.0, 2.0)):
