@@ -29,7 +29,7 @@ from evaluator.diagnosis.inference.bounds import bounds
 from evaluator.diagnosis.inference.fit import EXCESS
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter, reduce_runs
+from evaluator.diagnosis.likelihood.linear.mixed_model import USUAL_SCATTER, at_scatter, reduce_runs
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.likelihood.problem import Problem
@@ -44,6 +44,9 @@ FEWEST_RUNS = 4  # three that agree are needed to show that one does not
 # then be three times as large to be found. The farthest of eight runs with normal scatter widens it by 1.3, of 24 runs
 # by 1.1. Its difference must also be this many times what matters, 1 % by default, as motors differ by some tenths.
 HIDES, PLAIN = 3.0, 10.0
+# Number of values with the usual scatter that what is known of wheel speeds is worth. Beside five runs that agree, a
+# speed that is 7 % off, 16 times their scatter, may be chance with a probability of one in a thousand without it.
+AS_USUAL = 4
 MEAN_SPREAD = (np.mean, partial(np.std, ddof=1))
 
 
@@ -113,7 +116,9 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float, wide
 
     The estimate of a gain is shrunk by the share of its variance that the run determines, and scatters by the square
     root of this share; it is therefore divided by this root, or the most informative runs would appear outlying.
-    Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides.
+    Source: Grubbs (1950), Ann. Math. Stat. 21, 27: each run against the others, Bonferroni over runs and sides; their
+    scatter by itself, or with what is known of such speeds (a scaled inverse chi-square, Gelman et al., Bayesian Data
+    Analysis, 2.6).
     """
     gains, shares = left.random_effects[:, 1:3], left.shares[:, 1:3]
     if len(gains) < FEWEST_RUNS or not gains.any(axis=0).all():
@@ -123,10 +128,23 @@ def sole_gains(left: Adequacy, runs: tuple[int, ...], least_percent: float, wide
     means, spreads = (np.array([of(np.delete(alike, k, axis=0), axis=0) for k in range(count)]) for of in MEAN_SPREAD)
     apart = np.abs(alike - means) / np.maximum(spreads, 1e-300) / np.sqrt(1 + 1 / (count - 1))
     worst, side = np.unravel_index(int(np.argmax(apart)), apart.shape)
-    p = 2 * gains.size * special.stdtr(count - 2, -apart[worst, side])  # of Student's t
+    own, both = float(spreads[worst, side]), float(np.sqrt(np.mean(spreads[worst] ** 2)))
+    far = float(apart[worst, side]) * own
+    by_itself, as_usual = _by_chance(far, own, count - 2, 0), _by_chance(far, max(own, both), count - 2, AS_USUAL)
+    p = gains.size * min(by_itself, as_usual)
     off_percent = 100 * abs(gains[worst, side] - np.delete(gains[:, side], worst).mean())
     wider = float(alike[:, side].std(ddof=1)) >= widening * spreads[worst, side]
     return runs[int(worst)] if p < NOT_CHANCE and off_percent > least_percent and wider else None
+
+
+def _by_chance(far: float, spread: float, freedom: int, usual: int) -> float:
+    """Probability that a value is so far from others by chance, either way, by Student's t.
+
+    spread: of the others, with this freedom; usual: number of values with the usual scatter that are counted with them.
+    """
+    known = freedom + usual
+    spread = np.sqrt((freedom * spread**2 + usual * USUAL_SCATTER[1] ** 2) / known)
+    return 2 * float(special.stdtr(known, -far / max(spread, 1e-300)))
 
 
 def hiding_run(left: Adequacy, runs: tuple[int, ...], least_percent: float) -> int | None:

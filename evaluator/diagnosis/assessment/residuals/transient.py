@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 # Share of the squares after all changes that one shape must explain. Of sessions without a transient see
-# tests/benchmarks/diagnosis.md: 0.1; motors that ring had 0.98.
+# tests/benchmarks/diagnosis.md: 0.18 at most; motors that ring had 0.98.
 EXPLAINS = 0.5
 LASTS_S = (0.4, 0.8, 1.6)  # windows after a change; a shorter one is looked at first
 PARTS = 16  # pieces of the shape
