@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from calibration.tables import line_of, numbers_of
 from evaluator.errors import InputError
 from evaluator.files import quoted
-from evaluator.files.csv_tables import line_of, numbers_of, read_table, write_table
+from evaluator.files.csv_tables import read_table, write_table
 
 # Larger numbers are no measurement: a thousand kilometres, and thirty thousand years in seconds (a clock that counts
 # nanoseconds since 1970 is beyond it, too). Squares of smaller lengths stay far from the limits of a float.

@@ -12,11 +12,13 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calibration import tables
 from simulator.errors import SimulationError
 
 if TYPE_CHECKING:
     import pandas as pd
 
+line_of, numbers_of = tables.line_of, tables.numbers_of
 # By internal suffix: other suffixes, and the factors for their values. Longer suffixes come first.
 OTHER_ENDINGS: dict[str, dict[str, float]] = {
     "g_mm2": {"kg_m2": 1e9},
@@ -62,36 +64,12 @@ def _times(value: Any, factor: float) -> Any:
     return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """Read a CSV: commas, or semicolons or tabs with decimal commas. Raises SimulationError, OSError.
-
-    Rows without a value at the end, which spreadsheets leave, are left out.
-    """
-    import pandas as pd
-
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        first = lines.readline(4096)
-    if first.startswith("PK\x03\x04"):
-        raise SimulationError(f"{path}: is a workbook or another archive, and no table in text; save the sheet as CSV")
-    if 3 * first.count("\0") > len(first):  # every second byte of English text in UTF-16
-        raise SimulationError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
-    if "\0" in first:
-        raise SimulationError(f"{path}: is no text but a binary file; give a table as CSV")
-    said = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', first, re.IGNORECASE)  # tells spreadsheets the separator
-    sep = said[1] if said else max(",;\t", key=first.count)
-    decimal, before = "." if sep == "," else ",", 1 if said else 0
+def read_table(path: Path, **options: Any) -> pd.DataFrame:
+    """Read a table as calibration.tables does. Raises SimulationError, OSError."""
     try:
-        table = pd.read_csv(path, skipinitialspace=True, sep=sep, decimal=decimal, skiprows=before)
-    except UnicodeDecodeError as error:
-        raise SimulationError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
-    except pd.errors.EmptyDataError as error:
-        raise SimulationError(f"{path}: the file is empty") from error
-    except pd.errors.ParserError as error:
-        raise SimulationError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    filled = table.notna().any(axis=1).to_numpy().nonzero()[0]
-    used = table.iloc[: filled[-1] + 1 if len(filled) else 0]
-    used.attrs["lines_before"] = before
-    return used
+        return tables.read_table(path, **options)
+    except tables.TableError as error:
+        raise SimulationError(str(error)) from error
 
 
 def with_plain_columns(table: pd.DataFrame) -> pd.DataFrame:
@@ -124,18 +102,3 @@ def plain_name(name: str) -> str:
         return name
     unit = re.sub(r"\W+", "_", OTHER_UNITS.get(found[2], found[2]))
     return f"{re.sub(r'[^0-9A-Za-z]+', '_', found[1].lower())}_{unit}"
-
-
-def line_of(table: pd.DataFrame, row: int) -> int:
-    """Number of the line of its file that holds a row of a table, counted from 0."""
-    return int(row) + 2 + int(table.attrs.get("lines_before", 0))
-
-
-def numbers_of(column: pd.Series) -> pd.Series:
-    """The cells of a column as numbers: NaN where there is none, infinity for an integer beyond the largest double."""
-    import pandas as pd
-
-    try:
-        return pd.to_numeric(column, errors="coerce")
-    except OverflowError:  # pandas keeps an integer of hundreds of digits as it is
-        return pd.to_numeric(column.map(str), errors="coerce")

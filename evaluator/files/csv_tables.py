@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from calibration.tables import TableError, numbers_of
+from calibration.tables import read_table as read_any_table
 from evaluator.errors import InputError
 from evaluator.files.reading import refuse_stream
 from evaluator.files.writing import written_whole
@@ -27,87 +28,16 @@ MOST_DIGITS = 17  # of a double
 ROWS = 4096  # converted to text at once; more would take memory without gain in time
 QUOTED = frozenset(',"\r\n')  # characters for which a cell needs quotes
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # beginnings of cells that spreadsheets evaluate
-DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 Column = NDArray[np.generic] | list[str]
 
 
-class Dialect(TypedDict):
-    """Separator of cells, decimal mark and number of lines before the header of a CSV file."""
-
-    sep: str
-    decimal: str
-    skiprows: int
-
-
 def read_table(path: Path, **options: Any) -> pd.DataFrame:
-    """Read a table as programs and spreadsheets write it; options: of pandas.read_csv.
-
-    Rows without a value at the end, which spreadsheets leave, are left out. Raises InputError, OSError.
-    """
+    """Read a table as programs and spreadsheets write it (calibration.tables). Raises InputError, OSError."""
     refuse_stream(path)
-    dialect = _dialect(path)
     try:
-        table = pd.read_csv(path, skipinitialspace=True, **dialect, **options)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a CSV table in UTF-8 (byte {error.start}); save it as CSV UTF-8") from error
-    except pd.errors.EmptyDataError as error:
-        raise InputError(f"{path}: the file is empty") from error
-    except pd.errors.ParserError as error:
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()})") from error
-    used = _without_empty_end(table)
-    if dialect["decimal"] == ",":  # pandas leaves a column with a word in it as it is
-        words = {name: used[name] for name in used if pd.api.types.is_string_dtype(used[name].dtype)}
-        used = used.assign(
-            **{str(name): cells.replace(DECIMAL_COMMA, r"\1.\2", regex=True) for name, cells in words.items()}
-        )
-    used.attrs["lines_before"] = dialect["skiprows"]
-    return used
-
-
-def _without_empty_end(table: pd.DataFrame) -> pd.DataFrame:
-    """The table without the rows at its end that hold no value."""
-    if len(table) and any(not pd.isna(cells.iloc[-1]) for _, cells in table.items()):
-        return table  # of most tables one cell tells
-    filled = np.flatnonzero(table.notna().any(axis=1))
-    return table.iloc[: filled[-1] + 1 if len(filled) else 0]
-
-
-def line_of(table: pd.DataFrame, row: int) -> int:
-    """Number of the line of its file that holds a row of a table, counted from 0; rows left out keep their lines."""
-    return int(table.index[row]) + 2 + int(table.attrs.get("lines_before", 0))
-
-
-ZIPPED = "PK\x03\x04"  # begin of an archive
-NO_TEXT = "is a workbook or another archive, and no table in text; save the sheet as CSV"
-
-
-def separator_line(line: str) -> str | None:
-    """The separator that a first line "sep=;" tells spreadsheets; None for any other line."""
-    found = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', line, re.IGNORECASE)
-    return found[1] if found else None
-
-
-def _dialect(path: Path) -> Dialect:
-    """The dialect of a table by its first line: semicolons and tabs come with decimal commas."""
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        first = lines.readline(4096)
-    if first.startswith(ZIPPED):
-        raise InputError(f"{path}: {NO_TEXT}")
-    if 3 * first.count("\0") > len(first):  # every second byte of English text in UTF-16
-        raise InputError(f"{path}: probably in UTF-16, the Unicode text of spreadsheets; save it as CSV UTF-8")
-    if "\0" in first:
-        raise InputError(f"{path}: is no text but a binary file; give a table as CSV")
-    said = separator_line(first)
-    sep = said or max(",;\t", key=first.count)
-    return {"sep": sep, "decimal": "." if sep == "," else ",", "skiprows": 0 if said is None else 1}
-
-
-def numbers_of(column: pd.Series) -> pd.Series:
-    """The cells of a column as numbers: NaN where there is none, infinity for an integer beyond the largest double."""
-    try:
-        return pd.to_numeric(column, errors="coerce")
-    except OverflowError:  # pandas keeps an integer of hundreds of digits as it is
-        return pd.to_numeric(column.map(str), errors="coerce")
+        return read_any_table(path, **options)
+    except TableError as error:
+        raise InputError(str(error)) from error
 
 
 def read_runs(path: Path) -> pd.DataFrame:

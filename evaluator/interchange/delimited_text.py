@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.tables import table_head
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import separator_line
 
 
 def lines_of(path: Path) -> list[tuple[int, str]]:
-    """Lines that are not empty, each with its number, without the line that tells spreadsheets the separator."""
+    """Lines that are not empty, each with its number, from the line of names of the table on."""
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    skipped = 0 if separator_line(lines[0] if lines else "") is None else 1
-    return [(number, line) for number, line in enumerate(lines[skipped:], start=1 + skipped) if line.strip()]
+    head = table_head(lines)
+    numbered = [(head.number, head.names), *enumerate(lines[head.number :], start=head.number + 1)]
+    return [(number, line) for number, line in numbered if line.strip()]
 
 
 def delimiter_of(line: str) -> str | None:

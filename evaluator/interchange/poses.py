@@ -11,6 +11,7 @@ repeat during motion; all repetitions are dropped, so that a value has the time 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,9 +20,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.frames import plate_from_body
+from calibration.tables import line_of, numbers_of, table_head
 from evaluator.errors import InputError
 from evaluator.files import quoted, read_with, refuse_stream
-from evaluator.files.csv_tables import line_of, numbers_of, read_table, separator_line
+from evaluator.files.csv_tables import read_table
 from evaluator.interchange.bags import Topics, heading_rad, is_bag, read_trajectory
 from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.interchange.pose_units import heading_unit
@@ -38,6 +40,7 @@ MM_PER = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 RAD_PER = {"rad": 1.0, "deg": np.pi / 180}
 QUATERNION = ("qx", "qy", "qz", "qw")
 HEADINGS = {"qz", *(f"heading_{unit}" for unit in RAD_PER)}
+MOST_COMMENTS = 100  # lines before a table, of which the first ones are looked at
 TUM_COLUMNS = 8  # time, three coordinates and a quaternion; EuRoC's begins with the same ones
 KITTI_COLUMNS = 12  # the first three rows of a matrix
 # Larger times are those of clocks that count from 1970 or from the start of a computer; they are shifted to begin at 0.
@@ -103,16 +106,21 @@ def holds_poses(path: Path) -> bool:
     try:
         refuse_stream(Path(path))
         with Path(path).open(encoding="utf-8-sig") as file:
-            said = (line for line in file if line.strip() and not line.lstrip().startswith("#"))
-            first = next((line for line in said if separator_line(line) is None), "")
+            lines = list(itertools.islice((line for line in file if line.strip()), MOST_COMMENTS))
     except (OSError, UnicodeDecodeError):
         return False
-    cells = set(map(plain_name, cells_of(first, delimiter_of(first))))
+    first = next((line for line in lines if not line.lstrip().startswith("#")), "")
+    named = _names_poses(table_head(lines).names)
+    return named or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
+
+
+def _names_poses(names: str) -> bool:
+    """Whether a line of names is that of a table of poses."""
+    cells = set(map(plain_name, cells_of(names, delimiter_of(names))))
     timed = any(f"time_{unit}" in cells for unit in SECONDS)
     # a column of dates with times may be one of marks without a unit, too, but these have no heading
     timed |= any(cell.strip().lower() in DATES for cell in cells) and bool(cells & HEADINGS)
-    table = timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
-    return table or _is_numbers(first, None, TUM_COLUMNS) or _is_numbers(first, ",", TUM_COLUMNS)
+    return timed and any({f"x_{unit}", f"y_{unit}"} <= cells for unit in MM_PER)
 
 
 def clock_zero_s(path: Path, topics: Topics | None = None) -> float:
@@ -173,6 +181,8 @@ def held(values: Array) -> NDArray[np.bool_]:
 
 def _columns(path: Path) -> pd.DataFrame:
     lines = path.read_text(encoding="utf-8-sig").splitlines()
+    if _names_poses(table_head(lines).names):
+        return _from_csv(path)
     said = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     if said and len(said[0].split()) == KITTI_COLUMNS and _is_numbers(said[0], None, KITTI_COLUMNS):
         raise InputError(f"{path}: a trajectory in the format of KITTI has no times; write it in that of TUM")

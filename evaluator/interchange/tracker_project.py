@@ -13,8 +13,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.tables import NO_TEXT, ZIPPED
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import NO_TEXT, ZIPPED
 
 Array = NDArray[np.float64]
 LARGEST_BYTES = 500_000_000  # of XML: days of manual marks; limits the size of an unpacked zip

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from calibration.tables import table_head
 from evaluator.errors import InputError
 from evaluator.files import refuse_stream
-from evaluator.files.csv_tables import separator_line
 from evaluator.interchange.delimited_text import cells_of, delimiter_of
 from evaluator.interchange.named_points import FileHints, NamedPoints
 from evaluator.interchange.plain_table import columns_of, read_plain
@@ -209,8 +209,8 @@ def program_of(path: Path) -> Program:
     if head.startswith(b"PK\x03\x04") or head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith((b"<?xml", b"<object")):
         return "project"
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
-    if lines and separator_line(lines[0]) is not None:
-        del lines[0]
+    begin = table_head(lines)
+    lines = [begin.names, *lines[begin.number :]] if lines else []
     if lines and lines[0].split(",")[0].strip() == "scorer":
         return "deeplabcut"
     if lines and {"track", "frame_idx"} <= set(lines[0].split(",")):

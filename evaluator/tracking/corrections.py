@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from calibration.tables import line_of
 from evaluator.errors import InputError
-from evaluator.files.csv_tables import line_of, read_table
+from evaluator.files.csv_tables import read_table
 
 # Standard uncertainty of a centre placed by hand.
 HAND_SIGMA_PX = 0.5

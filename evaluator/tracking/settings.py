@@ -10,8 +10,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from simulator.mark_layout import is_mark_name
-
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Box = tuple[Finite, Finite, Finite, Finite]  # left, top, right, bottom in px
 
@@ -19,6 +17,7 @@ _PRESETS = tomllib.loads(files("evaluator.tracking").joinpath("colors.toml").rea
 HUE_RANGES = {name: (float(low), float(high)) for name, (low, high) in _PRESETS["hue_deg"].items()}
 DEFAULT_MARKS: tuple[str, ...] = tuple(_PRESETS["default_marks"])
 HEX = r"#[0-9a-fA-F]{6}"
+MARK_NAME = r"\w(?:[\w -]*\w)?"  # as in robot.toml (simulator.mark_layout)
 Kind = Literal["color", "light", "aruco", "apriltag"]
 
 
@@ -116,7 +115,7 @@ class TrackingSettings(Table):
         if not self.mark:
             raise ValueError(f"mark is empty: name at least one mark, for example [mark.{DEFAULT_MARKS[0]}]")
         for name, mark in self.mark.items():
-            if not is_mark_name(name):
+            if not re.fullmatch(MARK_NAME, name):
                 raise ValueError(f"mark name {name!r} must be letters and digits, with _, - and blanks between them")
             if mark.kind == "color" and not (mark.hue_deg or mark.color) and hue_word(name) not in HUE_RANGES:
                 raise ValueError(

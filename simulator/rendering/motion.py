@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from calibration.tables import numbers_of
 from simulator.errors import SimulationError
 from simulator.rendering.tables import Circle, Given, Line, Motion, Simulated
 from simulator.robot import Robot
-from simulator.units import numbers_of, read_table
+from simulator.units import read_table
 
 Array = NDArray[np.float64]
 COLUMNS = ("time_s", "x_mm", "y_mm", "heading_deg")

@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calibration import tables
 from evaluator.errors import InputError
 from evaluator.files import csv_tables as module
 from evaluator.files import read_with
 from evaluator.files.csv_tables import csv_text, read_runs, write_table
+from evaluator.marks import read_marks
 from evaluator.settings import load_measured
 from simulator import units
 
@@ -109,14 +111,39 @@ TEXT = "time_s,x_mm\n0.0,1.5\n0.5,\n1.25,-2.0\n"
         TEXT.replace(",", "\t").replace(".", ",").encode(),
         TEXT.replace("time_s,x_mm", '"time_s", "x_mm"').encode(),
         f"{TEXT},\n,\n".replace("\n", "\r\n").encode(),
+        f"# rig 2; light, left\n#\n\n# 0 to 2 s\n{TEXT}".encode("utf-8-sig"),
+        f"# {TEXT}".encode(),
+        f"# rig 2\n#{TEXT}".encode("utf-8-sig"),
+        f"# {TEXT}".replace(",", ";").replace(".", ",").encode(),
+        f"sep=;\n# {TEXT}".replace(",", ";").replace(".", ",").encode(),
     ],
-    ids=["byte order mark", "semicolons", "tabs", "quotes", "empty rows at the end"],
+    ids=[
+        *("byte order mark", "semicolons", "tabs", "quotes", "empty rows at the end"),
+        *("comments", "names of numpy.savetxt", "the last comment names", "with decimal commas", "separator, names"),
+    ],
 )
 def test_a_table_is_read_as_spreadsheets_write_it(
     read: Callable[[Path], pd.DataFrame], written: bytes, tmp_path: Path
 ) -> None:
     (tmp_path / "t.csv").write_bytes(written)
     pd.testing.assert_frame_equal(read(tmp_path / "t.csv"), NUMBERS)
+
+
+@pytest.mark.parametrize(("head", "line"), [("", 3), ("# a\n# b\n", 5), ("sep=,\n# c\n\n", 6)])
+def test_rows_have_the_numbers_of_their_lines_after_comments(head: str, line: int, tmp_path: Path) -> None:
+    for text in (head + TEXT, head + TEXT.replace("time_s", "# time_s")):
+        (tmp_path / "t.csv").write_text(text)
+        assert tables.line_of(module.read_table(tmp_path / "t.csv"), 1) == line
+
+
+@pytest.mark.parametrize("text", ["# time_s,x_mm\n", "# notes\n# more\n", "# one, two, three\n0,1\n1,2\n"])
+def test_comments_are_no_table(text: str, tmp_path: Path) -> None:
+    """Three words are not the names of two columns."""
+    (tmp_path / "t.csv").write_text(text)
+    head = tables.table_head(text.splitlines())
+    assert not head.commented
+    with pytest.raises(InputError, match=r"lacks time_s|is empty"):
+        read_marks(tmp_path / "t.csv")
 
 
 @pytest.mark.parametrize("read", [module.read_table, units.read_table])
