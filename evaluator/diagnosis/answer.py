@@ -7,13 +7,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
 from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
 from evaluator.diagnosis.assessment.gap import TOO_SMALL, beyond_noise
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
 from evaluator.diagnosis.assessment.relevance import Changes, changes
-from evaluator.diagnosis.assessment.sufficiency import too_few
+from evaluator.diagnosis.assessment.sufficiency import too_few, unusual_friction
 from evaluator.diagnosis.assessment.verdict import TIE, UNDECIDED, Verdict, decide, doubts, material_gain, undecided
 from evaluator.diagnosis.changes.session_changes import DRIFT, step_in_speed
 from evaluator.diagnosis.experiment import Session
@@ -95,6 +97,15 @@ def _undecided(search: Search, table: Standing, session: Session) -> str:
     return why if any(item.matter(session.relevant) for item in done) else ""
 
 
+def _hidden_by_friction(search: Search, session: Session) -> str:
+    """Why friction that differs from run to run may hide an effect from a model without any; empty if it does not."""
+    if search.problem.open_ground:
+        return ""
+    runs = [session.data[run] for run in search.null.runs]
+    order = np.array([run.order for run in runs], dtype=float)
+    return unusual_friction(adequacy(search.null, session.data), order, [run.command for run in runs])
+
+
 def _nearest(reserve: str, search: Search, table: Standing, chosen: Set, session: Session) -> tuple[Set, str]:
     """The best set with a free-form term, and the reason, which says so if it explains too little.
 
@@ -129,7 +140,7 @@ def step_for_drift(search: Search, chosen: Set, session: Session) -> str:
 def _too_few(verdict: Verdict, reason: str, search: Search, table: Standing, ids: Set, session: Session) -> str:
     """Why the runs are insufficient for a verdict and its reason; empty if they suffice."""
     if verdict == "none":
-        return "" if ids else _undecided(search, table, session)
+        return "" if ids else _undecided(search, table, session) or _hidden_by_friction(search, session)
     if verdict == "unknown" and (few := too_few_runs(search, ids, session)):
         return f"{reason}; {few}"
     return too_few_commands(search, ids, session) if verdict == "effect" else ""

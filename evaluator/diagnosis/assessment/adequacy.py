@@ -98,6 +98,13 @@ def _beside_session(left: Adequacy, order: Floats) -> float:
     return float(np.sqrt(_left(design, values) / freedom)) if freedom >= FEWEST_FREEDOM else np.inf
 
 
+def frictions_as_told(left: Adequacy, order: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Frictions (k,) of equal variances, with the order and the indices of the runs that tell them; no outliers."""
+    number = SCATTER.index("friction")
+    seen = np.flatnonzero(~odd_frictions(left, order) & (left.shares[:, number] > LEAST_SHARE))
+    return left.random_effects[seen, number] / np.sqrt(left.shares[seen, number]), order[seen], seen
+
+
 def odd_frictions(left: Adequacy, order: Floats) -> NDArray[np.bool_]:
     """Runs (n,) of a fit whose friction is an outlier from a line over the order of the runs (n,), at most a quarter.
 

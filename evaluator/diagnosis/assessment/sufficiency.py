@@ -12,13 +12,21 @@ from collections import Counter
 from collections.abc import Collection, Hashable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy
+from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy, frictions_as_told
 from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
 from evaluator.diagnosis.inference.fit import EXPLAINED
 
+Floats = NDArray[np.float64]
+
 SEVERAL = 2  # runs that one law must explain; a single one it may have been fitted to
+# Largest scatter of the friction from run to run of an ordinary laboratory. Under a wheel that was blocked, 26 %
+# [16, 30] would have explained 16 runs.
+USUAL_FRICTION = 0.1
+BOUND = 0.025  # of a scatter, one-sided
+CHANGE, FEWEST_OF_SCATTER = 3, 3  # parameters of a change over the session; degrees of freedom that tell a scatter
 SIDES, WAYS = (("left", 1.0), ("right", -1.0)), (("forward", 1.0), ("backward", -1.0))
 ODD_SHARE = 0.05  # share of recordings that go wrong by themselves
 
@@ -80,3 +88,37 @@ def too_few(left: Adequacy, parameters: int, with_law: Adequacy | None = None) -
         f"{within}, and so few runs cannot distinguish a missing effect from scatter between runs (friction, speeds, "
         f"an odd run): repeat these commands forward and backward, until there are {wanted} runs"
     )
+
+
+def unusual_friction(left: Adequacy, order: Floats, commands: Sequence[Hashable]) -> str:
+    """Why friction differs more than a plate explains from run to run, so that it may hide an effect; empty if not.
+
+    left: of a model that explains the runs with it; order, commands: of these runs. A change over the session, at once
+    or evenly, and single odd runs are of the plate. Runs of the same command share every effect: where they scatter as
+    much, nothing hides.
+    """
+    values, order, seen = frictions_as_told(left, order)
+    if len(values) - CHANGE < FEWEST_OF_SCATTER:
+        return ""
+    line = np.column_stack([np.ones(len(values)), order])
+    steps = (np.column_stack([order < at, order >= at]).astype(float) for at in np.unique(order)[1:])
+    rest = min(float(np.sum((values - of @ np.linalg.lstsq(of, values, rcond=None)[0]) ** 2)) for of in (line, *steps))
+    groups: dict[Hashable, list[float]] = {}
+    for run, value in zip(seen, values, strict=True):
+        groups.setdefault(commands[run], []).append(float(value))
+    within = sum(float(np.var(group)) * len(group) for group in groups.values())
+    freedom = len(values) - len(groups)
+    found = _least_scatter(rest, len(values) - CHANGE)
+    if found <= USUAL_FRICTION or (freedom >= FEWEST_OF_SCATTER and _least_scatter(within, freedom) > USUAL_FRICTION):
+        return ""
+    scatter = 100 * np.sqrt(rest / (len(values) - CHANGE))
+    return (
+        f"the model explains the runs only if friction differs from run to run by {scatter:.0f} % (at least "
+        f"{100 * found:.0f} %), more than plates do: an effect may hide in it; repeat runs of several commands, whose "
+        "friction is then alike if it does"
+    )
+
+
+def _least_scatter(squares: float, freedom: int) -> float:
+    """Lower bound of a scatter from squares with a number of degrees of freedom."""
+    return float(np.sqrt(squares / special.chdtri(freedom, BOUND)))

@@ -45,6 +45,7 @@ def answered(
     asked: dict[str, Any] | None = None,
     ahead: float = 1.0,
     alike: tuple[str, ...] = (),
+    hidden: str = "",
 ) -> Answer:
     """The answer where these parts say so; asked: what they were asked."""
     chosen, verdict = decided
@@ -85,6 +86,7 @@ def answered(
         "doubts": doubts,
         "undecided": lambda *_: (possible, "odds"),
         "step_for_drift": lambda *_: step,
+        "_hidden_by_friction": lambda *_: hidden,
         "too_few_runs": lambda *_: few,
         "too_few_commands": lambda *_: untested,
         "knowledge": lambda *_: (
@@ -304,3 +306,46 @@ def test_a_law_that_mends_all_runs_is_asked_for_and_no_law_counts_as_one_number(
     assert too_few_runs(search, FREE, session)
     left["null"] = np.ones(7)
     assert too_few_runs(search, NONE, session).endswith("until there are 8 runs")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "possible", "said", "reason"),
+    [
+        ("none", NONE, "insufficient", "friction differs"),
+        ("none", A, "insufficient", "odds"),  # what could be right is told first
+        ("effect", NONE, "effect", "so"),
+        ("unknown", NONE, "unknown", "so"),
+    ],
+)
+def test_nothing_is_missing_only_if_friction_does_not_hide_it(
+    verdict: str, possible: frozenset[str], said: str, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = NONE if verdict == "none" else A
+    found = answered(monkeypatch, (chosen, verdict), possible=possible, hidden="friction differs")
+    assert (found.verdict, found.reason.partition("; ")[0]) == (said, reason)
+
+
+@pytest.mark.parametrize("on_ground", [False, True])
+def test_friction_is_asked_of_the_runs_of_the_model_without_effects(
+    monkeypatch: pytest.MonkeyPatch, *, on_ground: bool
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "adequacy", lambda fit, _: f"left of {fit}")
+    monkeypatch.setattr(module, "unusual_friction", lambda *given: asked.append(given) or "so")
+    data = [SimpleNamespace(order=3 * k, command=(k, k + 1)) for k in range(4)]
+    search: Any = SimpleNamespace(null=Null((2, 0)), problem=SimpleNamespace(open_ground=on_ground))
+    session: Any = SimpleNamespace(data=data)
+    assert module._hidden_by_friction(search, session) == ("" if on_ground else "so")
+    if not on_ground:
+        ((left, order, commands),) = asked
+        assert (left, order.tolist(), commands) == ("left of null", [6.0, 0.0], [(2, 3), (0, 1)])
+
+
+class Null:
+    """A fit of some runs."""
+
+    def __init__(self, runs: tuple[int, ...]) -> None:
+        self.runs = runs
+
+    def __str__(self) -> str:
+        return "null"

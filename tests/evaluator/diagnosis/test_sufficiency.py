@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import answer as module
-from evaluator.diagnosis.assessment.sufficiency import fewest_runs, gathered, most_odd, not_driven, too_few
+from evaluator.diagnosis.assessment.sufficiency import (
+    fewest_runs,
+    gathered,
+    most_odd,
+    not_driven,
+    too_few,
+    unusual_friction,
+)
+from tests.evaluator.diagnosis.test_adequacy import with_friction
 
 
 def left(*excess: float) -> Any:
@@ -95,3 +103,52 @@ def test_parameters_of_the_law_are_those_of_its_terms_without_a_name(monkeypatch
     assert module.too_few_runs(search, frozenset({"mark-offset", "free:a"}), session) == ""  # type: ignore[arg-type]
     assert module.too_few_runs(search, frozenset({"free:b"}), session)  # type: ignore[arg-type]
     assert module.too_few_runs(search, frozenset(), session) == ""  # type: ignore[arg-type]
+
+
+SCATTERED = np.random.default_rng(11).normal(size=16)
+SCATTERED = (SCATTERED - SCATTERED.mean()) / SCATTERED.std()
+ORDER = np.arange(16.0)
+
+
+@pytest.mark.parametrize(
+    ("friction", "hides"),
+    [
+        (0.26 * SCATTERED, True),
+        (0.1 * SCATTERED, False),
+        (0.02 * SCATTERED - 0.05 * ORDER, False),  # dust that gathers
+        (0.02 * SCATTERED + 0.6 * (ORDER > 6), False),  # another plate
+        (0.02 * SCATTERED + 0.9 * (ORDER == 3), False),  # one sticky run
+    ],
+)
+def test_friction_that_differs_more_than_plates_do_may_hide_an_effect(friction: Any, *, hides: bool) -> None:
+    said = unusual_friction(with_friction(friction), ORDER, list(range(16)))
+    assert bool(said) == hides
+    if hides:
+        assert said.startswith("the model explains the runs only if friction differs from run to run by 2")
+        assert "repeat runs of several commands" in said
+
+
+@pytest.mark.parametrize(("of_command", "hides"), [(True, True), (False, False)])
+def test_friction_that_differs_between_runs_of_one_command_hides_nothing(*, of_command: bool, hides: bool) -> None:
+    """Four commands, each four times: an effect makes those of a command alike, a dirty plate does not."""
+    kinds = [k % 4 for k in range(16)]
+    friction = 0.3 * np.array([1.0, -1.0, 1.2, -1.2])[kinds] if of_command else 0.3 * SCATTERED
+    said = unusual_friction(with_friction(friction + 0.01 * SCATTERED), ORDER, kinds)
+    assert bool(said) == hides
+
+
+@pytest.mark.parametrize(("times", "hides"), [(0.99, False), (1.01, True)])
+def test_the_lower_bound_of_a_scatter_decides(times: float, *, hides: bool) -> None:
+    """Sixteen runs, three parameters of a change: a 40th of a chi square of 13 is beyond 24.7."""
+    line = np.column_stack([np.ones(16), ORDER])
+    rest = SCATTERED - line @ np.linalg.lstsq(line, SCATTERED, rcond=None)[0]
+    steps = [np.column_stack([at > ORDER, at <= ORDER]).astype(float) for at in ORDER[1:]]
+    least = min(float(np.sum((rest - of @ np.linalg.lstsq(of, rest, rcond=None)[0]) ** 2)) for of in (line, *steps))
+    friction = times * 0.1 * np.sqrt(24.736 / least) * rest
+    assert bool(unusual_friction(with_friction(friction), ORDER, list(range(16)))) == hides
+
+
+def test_three_degrees_of_freedom_tell_a_scatter() -> None:
+    friction = 0.5 * SCATTERED[:6]
+    assert unusual_friction(with_friction(friction), ORDER[:6], list(range(6)))
+    assert not unusual_friction(with_friction(friction[:5]), ORDER[:5], list(range(5)))
