@@ -13,6 +13,7 @@ from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
 from evaluator.diagnosis.mistakes.misread.dead_band import beyond_a_dead_band
 from evaluator.diagnosis.mistakes.misread.hypotheses import Misread, misread
 from evaluator.diagnosis.mistakes.misread.judgement import OTHER_WAY
+from evaluator.diagnosis.mistakes.misread.pose_freeze import frozen
 from evaluator.diagnosis.mistakes.misread.pose_headings import in_another_convention
 from evaluator.diagnosis.mistakes.misread.pose_leaps import leaping
 from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
@@ -41,7 +42,7 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
     found += _of_the_rest(wrong_seconds, data, robots, found)
     sure = list(found)  # without a model
     found += _of_the_rest(wrong_scale, data, robots, found)
-    for of_poses in (leaping, in_another_unit, in_another_convention):  # a leap turns the way of its run
+    for of_poses in (leaping, frozen, in_another_unit, in_another_convention):  # a leap turns the way of its run
         read = _of_the_rest(of_poses, data, robots, found)
         found, sure = [*found, *read], [*sure, *read]
     found += _of_the_rest(repainted_runs, data, robots, found)
