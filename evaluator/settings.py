@@ -32,6 +32,8 @@ LONGEST_BYTES = 240  # of 255 in most file systems; the rest is for endings and 
 # strict: neither true nor "33.3" is a number
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+FASTEST_RPM = 1e6  # a hundred times as fast as motors of microrobots: the rims of a wheel of 1 mm move at 50 m/s
+Speed = Annotated[float, Field(strict=True, ge=-FASTEST_RPM, le=FASTEST_RPM, allow_inf_nan=False)]
 
 
 def _names_files(value: str) -> str:
@@ -71,8 +73,8 @@ class Run(Table):
 
     id: Annotated[str, Field(max_length=80), AfterValidator(_names_files)]  # letters, digits, . _ -
     commands: Path | None = None  # command log or ROS recording, instead of a constant command
-    left_rpm: Annotated[Finite | None, Field(validate_default=True)] = None  # negative: backward
-    right_rpm: Annotated[Finite | None, Field(validate_default=True)] = None  # negative: backward
+    left_rpm: Annotated[Speed | None, Field(validate_default=True)] = None  # negative: backward
+    right_rpm: Annotated[Speed | None, Field(validate_default=True)] = None  # negative: backward
     start_s: Finite = 0.0  # motors on; with a log: the time of the recording at which its clock reads 0
     stop_s: Finite | None = None  # motors off, if they stop
     starts_at_rest: bool = True  # false if the robot moves when the recording begins

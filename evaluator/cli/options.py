@@ -78,3 +78,9 @@ def batch_options(command: Callable[[BatchOptions], int]) -> Callable[..., int]:
     for option in reversed((experiment_argument, *options)):
         found = option(found)
     return found
+
+
+def refuse_both(ratio: tuple[float, ...], radius_mm: float | None) -> None:
+    """Raise UsageError if a circular test is to have constant commands and a constant radius."""
+    if ratio and radius_mm is not None:
+        raise click.UsageError("--ratio (constant commands) and --radius (a constant radius) exclude each other")

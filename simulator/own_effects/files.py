@@ -137,7 +137,7 @@ def _from_python(path: Path) -> Effect:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SimulationError(f"{path}: running it failed ({type(error).__name__}: {error})") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):

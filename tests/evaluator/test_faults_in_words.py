@@ -213,3 +213,15 @@ def test_a_file_whose_writing_fails_stays_as_it_was_and_nothing_lies_beside_it(t
         assert path.read_text(encoding="utf-8") == "of yesterday"
     assert path.read_text(encoding="utf-8") == "of today"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("rpm", "refused"), [("1e308", True), ("-1000001.0", True), ("1e6", False), ("-10000", False)])
+def test_a_speed_that_no_motor_has_is_refused(rpm: str, tmp_path: Path, *, refused: bool) -> None:
+    path = tmp_path / "experiment.toml"
+    run = f'[[run]]\nid = "r01"\nleft_rpm = {rpm}\nright_rpm = 1\nmarks = "r01.csv"\n'
+    path.write_text(f'format = 1\nname = "fast"\nrobot = "barrel"\n{run}', encoding="utf-8")
+    if not refused:
+        assert read_with(settings.load_experiment, path).run[0].left_rpm == float(rpm)
+        return
+    with pytest.raises(InputError, match=r"left_rpm = .*should be (less|greater) than or equal to"):
+        read_with(settings.load_experiment, path)

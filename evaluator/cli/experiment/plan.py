@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from evaluator.cli.options import PATH, json_option
+from evaluator.cli.options import PATH, json_option, refuse_both
 
 if TYPE_CHECKING:
     from evaluator.workflow import Plan
@@ -87,6 +87,7 @@ def plan(
     commands (--ratio) or constant radius (--radius), with the radii that the model predicts.
     """
     if circular:
+        refuse_both(ratio, radius_mm)
         given = {"rpm": levels} if context.get_parameter_source("levels") == ParameterSource.COMMANDLINE else {}
         return _plan_circular_test(robot, given, ratio, radius_mm, repetitions, output, as_json=as_json)
     if ratio or radius_mm is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from evaluator.cli.options import PATH, dask_option, json_option, out_option, quiet_option, workers_option
+from evaluator.cli.options import PATH, dask_option, json_option, out_option, quiet_option, refuse_both, workers_option
 
 if TYPE_CHECKING:
     from evaluator.workflow import CircularResult
@@ -53,6 +53,7 @@ def circular_test(
     from evaluator.errors import InputError
     from evaluator.workflow import circular_test_content, evaluate_circular_test, simulate_circular_test
 
+    refuse_both(ratio, radius_mm)
     if (experiment is None) == (robot is None):
         raise InputError("circular-test: expected either an EXPERIMENT.toml or --robot")
     if experiment is not None:

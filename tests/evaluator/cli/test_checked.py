@@ -198,3 +198,10 @@ def test_the_limit_of_a_search_may_be_infinite(folder: Path) -> None:
     (folder / "experiment.toml").write_text(EXPERIMENT.format(marks="log.csv"), encoding="utf-8")
     done = run("diagnose", "experiment.toml", "--seconds", "inf")
     assert "is no number" not in str(done.exception) + done.output
+
+
+@pytest.mark.parametrize("words", ["plan --circular-test", "circular-test --robot barrel"])
+def test_a_circular_test_has_constant_commands_or_a_constant_radius(words: str) -> None:
+    refused = run(*words.split(), "--ratio", "0.5", "--radius", "10").exception
+    assert isinstance(refused, click.UsageError)
+    assert "exclude each other" in str(refused)
