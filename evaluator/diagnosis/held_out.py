@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.recognised import recording_of
+
+FEWEST_RECORDINGS = 6  # in parts, that are left out one by one
 
 
 def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[int]]:
@@ -15,6 +19,21 @@ def runs_by_command(data: Sequence[RunData]) -> dict[tuple[float, float], list[i
     for number, run in enumerate(data):
         groups.setdefault(run.command, []).append(number)
     return groups
+
+
+def left_out_together(data: Sequence[RunData]) -> list[NDArray[np.int64]]:
+    """Indices of the runs that cross-validation leaves out at a time: those of a command, or the parts of a recording.
+
+    The parts of a recording share its friction, load and place, so that what fits these would seem to predict its other
+    parts: on open ground, where friction that differs by 3 % between recordings is no random effect, forces that depend
+    on the place did. Where there are too few recordings, the commands have to do.
+    """
+    recordings: dict[str, list[int]] = {}
+    for number, run in enumerate(data):
+        recordings.setdefault(recording_of(run.id), []).append(number)
+    in_parts = FEWEST_RECORDINGS <= len(recordings) < len(data)
+    groups = recordings.values() if in_parts else runs_by_command(data).values()
+    return [np.array(group) for group in groups]
 
 
 def held_out_runs(data: Sequence[RunData]) -> tuple[int, ...]:

@@ -1,8 +1,8 @@
 """Cross-validation of a fitted model: on held-out commands, and between halves of the runs.
 
-Each command in turn is held out with all its repeats; common parameters are estimated from the other runs. A real
-effect has the same size forward and backward, slow and fast, to the left and to the right. Both tests use the
-linearizations of the fits, without further simulations.
+Each command in turn is held out with all its repeats, or each recording with all its parts; common parameters are
+estimated from the other runs. A real effect has the same size forward and backward, slow and fast, to the left and to
+the right. Both tests use the linearizations of the fits, without further simulations.
 Source: Stone (1974), J. R. Stat. Soc. B 36, 111.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.held_out import runs_by_command
+from evaluator.diagnosis.held_out import left_out_together
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -35,7 +35,7 @@ def advantage(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mappi
     Both fits use the same runs of data. With few commands the standard error is uncertain: it is increased by the ratio
     of Student's t to the normal distribution, so that two standard errors have the same meaning for any number.
     """
-    aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
+    aside = left_out_together([data[run] for run in first.runs])
     gains = _densities(first, aside, tolerance) - _densities(second, aside, tolerance)
     if len(gains) < 2:
         return float(gains.sum()), np.inf
@@ -64,7 +64,7 @@ def mean_gain(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mappi
 
 def _log_ratios(first: Fit, second: Fit, data: Sequence[RunData], tolerance: Mapping[str, float]) -> Floats:
     """Logarithm (groups,) of residuals of the second fit over those of the first, for each left-out command."""
-    aside = [np.array(runs) for runs in runs_by_command([data[run] for run in first.runs]).values()]
+    aside = left_out_together([data[run] for run in first.runs])
     # the density of whitened features is a unit normal: its negative logarithm is half the sum of squares with noise
     less, more = (np.maximum(-_densities(fit, aside, tolerance), 0.5) for fit in (first, second))
     return np.asarray(np.log(more / less))
@@ -94,7 +94,7 @@ def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mappi
     covariance of the fit neglects this; the result here is never smaller than the jackknife over commands, with
     Student's t for their number. Source: Tukey (1958), Ann. Math. Stat. 29, 614.
     """
-    aside = [np.array(runs) for runs in runs_by_command([data[run] for run in fit.runs]).values()]
+    aside = left_out_together([data[run] for run in fit.runs])
     if len(aside) < 2:
         return fit.posterior.covariance
     _, g, G = at_scatter(fit.reduced, fit.posterior.scatter)

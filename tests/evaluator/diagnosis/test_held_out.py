@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,7 @@ from evaluator.diagnosis.assessment.cross_validation import (
 from evaluator.diagnosis.assessment.model_comparison import (
     predictive_score,
 )
+from evaluator.diagnosis.held_out import left_out_together
 from evaluator.diagnosis.inference.fitted_model import prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import Linearized, MixedModel, reduce_runs
 from tests.evaluator.diagnosis.synthetic import (
@@ -238,3 +240,19 @@ def test_a_single_command_leaves_the_covariance_as_it_is() -> None:
     runs = linear_runs(3, parameters=1)
     fit = fit_of(runs, COLUMNS[:1], np.zeros(1), TAU, np.array([[0.04]]))
     assert covariance_over_commands(fit, [run_data(30.0, 20.0, n) for n in range(3)], TOLERANCE)[0, 0] == 0.04
+
+
+@pytest.mark.parametrize(
+    ("recordings", "parts", "by_recording"),
+    [(6, 2, True), (5, 3, False), (8, 1, False)],  # few recordings, and runs that are whole, by their commands
+)
+def test_parts_of_a_recording_are_left_out_together(recordings: int, parts: int, *, by_recording: bool) -> None:
+    """They share friction and place: a force that depends on the place predicts other parts of the same recording."""
+    runs = [
+        replace(run_data(10.0 + part, 30.0), id=f"r{recording}" + f"@{3 * part}.0s" * (parts > 1))
+        for recording in range(recordings)
+        for part in range(parts)
+    ]
+    groups = [group.tolist() for group in left_out_together(runs)]
+    numbers = np.arange(recordings * parts).reshape(recordings, parts)
+    assert groups == (numbers if by_recording else numbers.T).tolist()

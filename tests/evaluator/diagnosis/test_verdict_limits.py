@@ -86,7 +86,7 @@ def test_commands_left_out_are_predicted_better_at_five_per_cent_of_student(
     ratios = value * steps.std(ddof=1) / 2 + steps
     answers = iter((-np.full(4, 10.0), -10.0 * np.exp(ratios)))
     monkeypatch.setattr(cross_validation, "_densities", lambda *_: next(answers))
-    monkeypatch.setattr(cross_validation, "runs_by_command", lambda _: {k: [k] for k in range(4)})
+    monkeypatch.setattr(cross_validation, "left_out_together", lambda _: [np.array([k]) for k in range(4)])
     fit: Any = SimpleNamespace(runs=range(4))
     assert cross_validation.predicts_better(fit, fit, [None] * 4, {}) == better  # type: ignore[list-item]
 
