@@ -31,7 +31,7 @@ CHATTERING_SHARE = 3e-3
 # Nothing physical is faster than SHORTEST_STEP_S. Many consecutive steps a thousand times shorter mean that the forces
 # are discontinuous at this state (extreme motor droop), and that the equations have no solution beyond it.
 STALLED_STEP_S, MOST_STALLED = 2e-9, 60
-# Evaluations of the forces by implicit Euler, for each step that a run may take. Of 285,000 runs that diagnoses of six
+# Evaluations of the forces by implicit Euler, for each step that a run may take. Of 285,000 runs that diagnoses of five
 # sessions asked for, those that came to their end had 21 at most, but for seven; where axles are compliant and wheels
 # stick, steps may fail over thousands, so that one run takes seconds instead of milliseconds.
 EVALUATIONS_OF_A_STEP = 25.0
