@@ -131,3 +131,46 @@ def test_one_command_of_all_runs_tells_no_transient() -> None:
 
 def test_three_different_jumps_in_eight_windows_are_enough() -> None:
     assert transient(problem(along=rings, kinds=3), POINT) is not None
+
+
+def driven(jumps: list[float], *, each_s: float = 1.7, seen: slice = slice(None)) -> Any:
+    """A run whose common speed jumps so, with a ringing way after each, and frames of it."""
+    begins, levels = 0.5 + each_s * np.arange(len(jumps)), np.cumsum(jumps)
+    time = np.arange(0.0, begins[-1] + each_s, 1 / 60)
+    command = Command.steps([(at, level, level) for at, level in zip(begins, levels, strict=True)])
+    way = sum(jump * rings(time - at) for at, jump in zip(begins, jumps, strict=True))
+    way = way + np.random.default_rng(3).normal(0.0, 0.001, len(time))
+    zero = 0 * time
+    residual = np.column_stack([way, zero, zero, zero])[seen]
+    channels = np.column_stack([zero, zero, zero + np.pi / 2, zero])[seen]
+    log = RunCommand(command, logged=True)
+    run = RunData("r", 0.0, 0.0, 0.5, None, time[seen], np.zeros((len(time), 4))[seen], 0, log=log)
+    return SimpleNamespace(data=[run], channels=[channels], half_distance_mm=HALF_MM, residuals=lambda _: [residual])
+
+
+@pytest.mark.parametrize(
+    ("jumps", "told"),
+    [
+        ([30.0, -60.0, 45.0, -30.0, 60.0, -45.0, 30.0, -60.0], True),
+        ([30.0, -60.0, 45.0, -30.0, 60.0, -45.0, 30.0], False),  # seven changes
+        ([30.0, -60.0, 60.0, -30.0, 60.0, -60.0, 30.0, -60.0], False),  # of two sizes
+        ([30.0, -60.0, 45.0, -30.0, 60.0, -45.0, 30.0, 5.9], False),  # one of them is less than a tenth of the largest
+        ([30.0, -60.0, 45.0, -30.0, 60.0, -45.0, 30.0, 6.1], True),
+    ],
+)
+def test_eight_changes_of_three_sizes_are_needed(jumps: list[float], *, told: bool) -> None:
+    assert (transient(driven(jumps), POINT) is not None) == told
+
+
+def test_a_window_is_not_longer_than_commands_are_held() -> None:
+    found = transient(driven([30.0, -60.0, 45.0] * 4, each_s=0.45), POINT)
+    assert found is not None
+    assert " within 0.4 s," in found.sentence
+    assert transient(driven([30.0, -60.0, 45.0] * 4, each_s=0.39), POINT) is None
+
+
+def test_frames_that_are_few_or_only_in_a_part_of_a_window_tell_nothing() -> None:
+    jumps = [30.0, -60.0, 45.0, -30.0, 60.0, -45.0, 30.0, -60.0]
+    assert transient(driven(jumps, seen=slice(None, None, 2)), POINT) is not None
+    assert transient(driven(jumps, seen=slice(None, None, 11)), POINT) is None  # nine in 1.6 s
+    assert transient(driven(jumps, seen=slice(0, 90)), POINT) is None  # of the first change alone
