@@ -81,7 +81,7 @@ def test_a_python_file_is_an_effect_like_those_of_the_catalogue(tmp_path: Path) 
     path.write_text("raise ValueError('no')", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"running it failed \(ValueError: no\)"):
         load_own(path)
-    path.write_text("import sys\nsys.exit(7)", encoding="utf-8")  # which would end the program without a word
+    path.write_text("import sys\n\nsys.exit(7)\n", encoding="utf-8")  # which would end the program without a word
     with pytest.raises(SimulationError, match=r"running it failed \(SystemExit: 7\)"):
         load_own(path)
 

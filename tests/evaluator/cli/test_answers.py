@@ -126,9 +126,11 @@ def test_a_planned_circular_test_takes_the_levels_of_the_model_unless_some_are_s
     table = run("plan", "--circular-test").stdout.splitlines()
     assert table[1].split() == ["r01", "20", "−10", "6.5", "12.35", "1.235"]
     assert called[0] == (("barrel",), {"radius_mm": None, "repetitions": 3})
-    more = ("--rpm", "20", "--ratio", "0.5", "--radius", "8", "--repetitions", "2", "--json")
+    more = ("--rpm", "20", "--ratio", "0.5", "--repetitions", "2", "--json")
     assert json.loads(run("plan", "--circular-test", *more).stdout)[0]["duration_s"] == 6.5
-    assert called[1][1] == {"radius_mm": 8.0, "repetitions": 2, "rpm": (20.0,), "ratios": (0.5,)}
+    assert called[1][1] == {"radius_mm": None, "repetitions": 2, "rpm": (20.0,), "ratios": (0.5,)}
+    run("plan", "--circular-test", "--radius", "8")
+    assert called[2][1] == {"radius_mm": 8.0, "repetitions": 3}
     written: Called = stub("evaluator.workflow.write_circular_test", [Path("c.toml"), Path("commands/r01.csv")])
     assert run("plan", "--circular-test", "-o", str(tmp_path / "c.toml")).stdout.startswith("c.toml: 1 run, commands")
     assert len(written) == 1
