@@ -42,7 +42,7 @@ def effects(diagnosis: Diagnosis) -> list[EffectContent]:
     return [
         {
             "id": "free-form",
-            "name": "; ".join(["an error of the robot's speed", *(item.sentence for item in diagnosis.where[:1])]),
+            "name": "an error of the robot's speed",  # `where` says on what it depends
             "parameters": {f"rms_{name}": _bounded(values) for name, values in sizes.items()},
             "equivalent": [],
             "probability": 1.0,

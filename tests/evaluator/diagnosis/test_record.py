@@ -191,7 +191,7 @@ def test_an_unknown_effect_that_no_term_explains_is_the_disagreement_itself(monk
     (shown,) = effects_json.effects(unknown())
     assert (shown["id"], shown["name"], shown["fitted"]) == (
         "free-form",
-        "an error of the robot's speed; it drifts",
+        "an error of the robot's speed",
         False,
     )
     assert shown["parameters"] == {"rms_along_mm_s": {"value": 1.0, "low": 0.5, "high": 2.0}}
@@ -203,8 +203,7 @@ def test_an_unknown_effect_that_no_term_explains_is_the_disagreement_itself(monk
     assert effects_json.effects(unknown(verdict="effect")) == named
     assert effects_json.effects(unknown(pieces=None)) == named
     assert len(effects_json.effects(unknown(follows=True, chosen=frozenset({"b"})))) == 1
-    (shown,) = effects_json.effects(unknown(where=unknown().where * 2))
-    assert shown["name"].count("it drifts") == 1  # the first dependence alone names it
+    assert len(effects_json.effects(unknown(where=unknown().where * 2))) == 1  # however many dependences there are
     assert effects_json.effects(unknown(negligible=frozenset({"a"}))) == []
 
 
