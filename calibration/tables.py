@@ -35,7 +35,7 @@ def table_head(lines: Iterable[str]) -> TableHead:
     """The head of a table by its first lines, empty ones and comments, which begin with #, among them."""
     stated, comment, number, first = None, "", 0, ""
     for number, line in enumerate(lines, start=1):
-        if number == 1 and (stated := separator_line(line)) is not None:
+        if number == 1 and (stated := _separator_line(line)) is not None:
             continue
         text = line.removeprefix("\ufeff").strip()
         if text and not text.startswith("#"):
@@ -54,7 +54,7 @@ def _separator_of(names: str) -> str:
     return max(",;\t", key=names.count)
 
 
-def separator_line(line: str) -> str | None:
+def _separator_line(line: str) -> str | None:
     """The separator that a first line "sep=;" tells spreadsheets; None for any other line."""
     found = re.fullmatch(r'\ufeff?"?sep=(.)"?[,;\t]*\s*', line, re.IGNORECASE)
     return found[1] if found else None

@@ -31,7 +31,7 @@ MARK_NAME = r"^\w(?:[\w -]*\w)?$"
 
 def is_mark_name(name: str) -> bool:
     """Whether a mark may have a name."""
-    return re.fullmatch(MARK_NAME.strip("^$"), name) is not None
+    return re.fullmatch(MARK_NAME, name) is not None
 
 
 class Mark(BaseModel):

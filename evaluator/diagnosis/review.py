@@ -57,7 +57,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     after = place_runs(by_marks, replace(gap_fit.point, per_run=fit.point.per_run), runs, fit.posterior.scatter)
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
     # by the model of all runs, because fitted runs without a command determine its gap less well
-    placed = place_runs(by_marks, fit.point, runs, fit.posterior.scatter)
+    placed = _placed(found, fit)
     outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
     follows = len(outlying) <= most_odd(len(runs))
     # friction and gains of each run are meaningless if the model does not explain the marks
@@ -67,7 +67,7 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     as_recorded = place_starts(by_marks, Point(after.per_run, of_session), runs) if follows else before
     one_frame = found.session.one_frame
     seen, seen_after = (pieces(problem, point, one_frame=one_frame) for point in (before, placed))
-    course = _shared_course(found, fit)
+    course = _shared_course(found, placed)
     where = (most_telling if found.verdict in ("effect", "unknown") else dependences)(seen)
     assert found.terms is not None
     terms, session = found.terms, found.session
@@ -121,19 +121,24 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
     )
 
 
-def _shared_course(found: Diagnosis, fit: Fit) -> Dependence | None:
-    """What the residuals of all runs share at a fit: a rhythm, or a transient after changes of the command.
+def _shared_course(found: Diagnosis, placed: Point) -> Dependence | None:
+    """What the residuals of all runs share: a rhythm, or a transient after changes of the command.
 
-    A rhythm is that of the robot, unless nothing is known of what is missing.
+    placed: a model with its runs placed. A rhythm is that of the robot, unless nothing is known of what is missing.
     """
     assert found.fit_search is not None
     problem = found.fit_search.problem
-    runs = range(len(found.session.data))
-    placed = place_runs(problem.of_tracking, fit.point, runs, fit.posterior.scatter)
     beat = rhythm(problem, placed)
     if beat is not None and (found.verdict == "unknown" or is_of_robot(problem, placed, beat)):
         return beat
     return transient(problem, placed)
+
+
+def _placed(found: Diagnosis, fit: Fit) -> Point:
+    """A fit with start, friction and gains of every run fitted to its marks."""
+    assert found.fit_search is not None
+    runs = range(len(found.session.data))
+    return place_runs(found.fit_search.problem.of_tracking, fit.point, runs, fit.posterior.scatter)
 
 
 def _doubted(found: Diagnosis, course: Dependence | None) -> Diagnosis:
@@ -182,7 +187,7 @@ def _is_open_by_rival(found: Diagnosis) -> bool:
     if found.verdict != "insufficient" or too_few_runs(found.search, frozenset(), found.session):
         return False
     rival, why = undecided(found.search, found.standing)
-    return found.reason == why and _shared_course(found, found.search.fits[rival]) is not None
+    return found.reason == why and _shared_course(found, _placed(found, found.search.fits[rival])) is not None
 
 
 def _missed_command(found: Diagnosis) -> str:

@@ -92,17 +92,15 @@ def _widest(left: Adequacy, scatter: Floats, order: Floats) -> str:
 def _beside_session(left: Adequacy, order: Floats) -> float:
     """Scatter of the friction beside a line over the session and its outliers; infinite for too few runs."""
     number = SCATTER.index("friction")
-    seen = ~odd_frictions(left, order) & (left.shares[:, number] > LEAST_SHARE)
+    seen = tells_friction(left, order)
     design, values = _over(order[seen], left.random_effects[seen, number], left.shares[seen, number])
     freedom = len(values) - 2
     return float(np.sqrt(_left(design, values) / freedom)) if freedom >= FEWEST_FREEDOM else np.inf
 
 
-def frictions_as_told(left: Adequacy, order: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Frictions (k,) of equal variances, with the order and the indices of the runs that tell them; no outliers."""
-    number = SCATTER.index("friction")
-    seen = np.flatnonzero(~odd_frictions(left, order) & (left.shares[:, number] > LEAST_SHARE))
-    return left.random_effects[seen, number] / np.sqrt(left.shares[seen, number]), order[seen], seen
+def tells_friction(left: Adequacy, order: Floats) -> NDArray[np.bool_]:
+    """Runs (n,) of a fit that tell their friction, without its outliers; order: of these runs."""
+    return ~odd_frictions(left, order) & (left.shares[:, SCATTER.index("friction")] > LEAST_SHARE)
 
 
 def odd_frictions(left: Adequacy, order: Floats) -> NDArray[np.bool_]:

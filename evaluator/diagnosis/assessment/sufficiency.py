@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy, frictions_as_told
+from evaluator.diagnosis.assessment.adequacy import FEWEST_FREEDOM, Adequacy, tells_friction
 from evaluator.diagnosis.assessment.model_comparison import FREE_PRIOR
 from evaluator.diagnosis.inference.fit import EXPLAINED
+from evaluator.diagnosis.likelihood.linear.mixed_model import SCATTER
 
 Floats = NDArray[np.float64]
 
@@ -97,14 +98,15 @@ def unusual_friction(left: Adequacy, order: Floats, commands: Sequence[Hashable]
     or evenly, and single odd runs are of the plate. Runs of the same command share every effect: where they scatter as
     much, nothing hides.
     """
-    values, order, seen = frictions_as_told(left, order)
+    number, seen = SCATTER.index("friction"), np.flatnonzero(tells_friction(left, order))
+    values, order = left.random_effects[seen, number] / np.sqrt(left.shares[seen, number]), order[seen]
     if len(values) - CHANGE < FEWEST_OF_SCATTER:
         return ""
     line = np.column_stack([np.ones(len(values)), order])
     steps = (np.column_stack([order < at, order >= at]).astype(float) for at in np.unique(order)[1:])
     rest = min(float(np.sum((values - of @ np.linalg.lstsq(of, values, rcond=None)[0]) ** 2)) for of in (line, *steps))
     groups: dict[Hashable, list[float]] = {}
-    for run, value in zip(seen, values, strict=True):
+    for run, value in zip(seen.tolist(), values, strict=True):
         groups.setdefault(commands[run], []).append(float(value))
     within = sum(float(np.var(group)) * len(group) for group in groups.values())
     freedom = len(values) - len(groups)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, UNLIKE, Adequacy, dependence, odd_frictions
+from evaluator.diagnosis.assessment.adequacy import LEAST_SHARE, UNLIKE, Adequacy, dependence, tells_friction
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.linear.mixed_model import SCATTER
 from evaluator.diagnosis.likelihood.run_data import RunData
@@ -43,7 +43,7 @@ def friction_change(left: Adequacy, runs: Sequence[int], data: Sequence[RunData]
     number = SCATTER.index("friction")
     effects, share = left.random_effects[:, number], left.shares[:, number]
     order = np.array([data[run].order for run in runs], dtype=np.float64)
-    seen = (share > LEAST_SHARE) & ~odd_frictions(left, order)
+    seen = tells_friction(left, order)
     share = np.where(seen, share, 0.0)
     steps = (order >= begin for begin in order[seen][FEWEST_BESIDE_STEP : 1 - FEWEST_BESIDE_STEP])
     asked = [dependence(effects, share, course[:, None])[0] for course in (order, *steps)]

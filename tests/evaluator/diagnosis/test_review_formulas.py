@@ -168,6 +168,7 @@ def test_a_verdict_is_open_by_a_rival_that_leaves_the_course_as_well(
     fits = {TILT: "its fit"}
     monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
     monkeypatch.setattr(review, "undecided", lambda *_: (TILT, "odds of 9 to 1"))
+    monkeypatch.setattr(review, "_placed", lambda _, fit: fit)
     monkeypatch.setattr(review, "_shared_course", lambda _, fit: fit if left and fit == "its fit" else None)
     found: Any = SimpleNamespace(
         verdict=verdict, reason=reason, standing="table", search=SimpleNamespace(fits=fits), session="session"

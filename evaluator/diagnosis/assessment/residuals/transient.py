@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 # Share of the squares after all changes that one shape must explain. Of sessions without a transient see
 # tests/benchmarks/diagnosis.md: 0.18 at most; motors that ring had 0.98.
 EXPLAINS = 0.5
-LASTS_S = (0.4, 0.8, 1.6)  # windows after a change; a shorter one is looked at first
+LASTS_S = (0.4, 0.8, 1.6)  # windows after a change, of which the one that is explained best is told
 PARTS = 16  # pieces of the shape
 SLOW = 2  # degree of the slow course beside it: a start, a speed and a drift of its own
 # Until then a lag of some milliseconds acts, which every motor has, and half a frame that a start is late.
@@ -38,8 +38,8 @@ BY = "change of the command"
 def transient(problem: Problem, point: Point) -> Dependence | None:
     """The course of speed or yaw rate that all changes of the command share at a point of a model; None without one.
 
-    Its size is the largest deviation of the velocity, for a jump as large as the RMS of all. Its sigmas count every
-    frame as independent, and are the most that they can be.
+    Its size is the largest deviation of the velocity, for a jump as large as the RMS of all, and its rms that of an
+    oscillation as large. Its sigmas count every frame as independent, and are the most that they can be.
     """
     ways, found = residual_ways(problem, point), []
     for quantity in ("along_mm_s", "yaw_deg_s"):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.disturbances import STANDS_SHARE
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.diagnosis.mistakes.outrun import rolls_mm_s
 from evaluator.diagnosis.mistakes.recognised import Found, recording_of
@@ -15,8 +16,6 @@ from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
-# A robot stands if its rims get less far than this share of what its faster wheels roll; a turn on the spot moves them.
-STANDS_SHARE = 0.05
 LEAST_SHARE = 0.2  # of the path of a run, before as well as after: shorter ones may be a stop that its log lacks
 MOVED = 3.0  # before, times what counts as standing, and times what the poses scatter afterwards
 PLACES = 64  # at which the end may begin
@@ -72,7 +71,7 @@ def _standing_from(rolled_mm: Floats, places: Floats) -> int | None:
 
 
 def _stands(places: Floats, rolled_mm: Floats) -> bool:
-    """Whether places stand while the wheels are commanded to roll."""
+    """Whether places stand while the wheels are commanded to roll; a turn on the spot moves the rims."""
     return bool(_reach_mm(places) < STANDS_SHARE * (rolled_mm[-1] - rolled_mm[0]))
 
 
