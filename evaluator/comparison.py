@@ -6,6 +6,7 @@ through simulated marks, so that biases of the estimator affect both equally.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from evaluator.pose import Poses, poses_from_marks
 from evaluator.robust import sigma_of_bends
 from evaluator.turning import Turning, only_mark
 from evaluator.turning.motion.rest import MOVING_FRAMES, ONSET_LEAST_MM, ONSET_SIGMAS, RESTS_S
+from evaluator.turning.motion.velocity import velocity_at
 from simulator.effects.view import View
 from simulator.nominal_robot import WHEELS
 from simulator.observation import marks_of_run, view_of
@@ -84,9 +86,18 @@ def _simulated_from(
     factor = view_of(robot).time_factor
     command = run_command.in_true_time(factor)
     if not run_command.starts_at_rest:
-        start = moving_state(robot, command, start, float(poses.time_s[0]) / factor, run_index)
+        first = float(poses.time_s[0])
+        start = moving_state(robot, command, _moving(start, poses, first), first / factor, run_index)
     motion = simulate(robot, command, poses.time_s / factor, start=start, run_index=run_index)
     return motion, poses_from_marks(marks_of_run(robot, motion), MarkGeometry.of_robot(robot))
+
+
+def _moving(start: State, poses: Poses, at_s: float) -> State:
+    """A pose with the velocity that the robot was measured to have near a time; at rest if it was not measured."""
+    known = np.isfinite(poses.heading_rad)
+    path = np.column_stack([poses.x_mm, poses.y_mm, poses.heading_rad])[known]
+    along, across, spin = velocity_at(poses.time_s[known], path, at_s) or (0.0, 0.0, 0.0)
+    return replace(start, u_mm_s=along, v_mm_s=across, yaw_rate_rad_s=spin)
 
 
 def resting_pose(

@@ -110,9 +110,12 @@ def _beside_mm(problem: tuple[Any, Array, Array, Array], usual: Array, tolerance
 
 
 def moving_state(robot: Robot, command: Command, pose: State, at_s: float, run_index: int = 0) -> State:
-    """A pose with the velocity that the robot has at at_s under the command, after RUN_IN_S from rest."""
-    still = State(pose.x_mm, pose.y_mm, pose.heading_rad)
-    run_in = simulate(robot, command, [at_s - RUN_IN_S, at_s], start=still, run_index=run_index)
+    """A pose with the velocity that the robot has at at_s under the command, after RUN_IN_S from that of the pose.
+
+    pose: with its velocity as measured near at_s, or none. The command forgets it, except where the robot has two
+    motions to choose from, as in some turns on the spot: there it chooses.
+    """
+    run_in = simulate(robot, command, [at_s - RUN_IN_S, at_s], start=pose, run_index=run_index)
     return replace(
         pose,
         u_mm_s=float(run_in.u_mm_s[-1]),

@@ -18,7 +18,10 @@ import numpy as np
 
 from evaluator.diagnosis.held_out import held_out_runs, runs_by_command
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.interchange.commands import RunCommand
+from evaluator.turning.motion.velocity import velocity_at
+from simulator.simulation import RUN_IN_S
 
 LONGEST_S = 10.0  # of a run that is not divided: one or two commands of a few seconds
 PIECE_S, NEAR_S = 3.0, 1.0  # length of pieces, and its variation so that a piece begins with a command
@@ -36,7 +39,7 @@ def pieces_of(run: RunData, fewest: int) -> tuple[RunData, ...]:
     """
     begin, end = float(run.time_s[0]), float(run.time_s[-1])
     if end - begin <= LONGEST_S:
-        return (run,)
+        return (run if run.run_command.starts_at_rest else replace(run, run_in=_moving(run, begin)),)
     changes = np.array([item.begin_s for item in run.run_command.command.stretches()])
     cuts = [begin]
     while end - cuts[-1] >= 2 * PIECE_S:
@@ -105,4 +108,11 @@ def _piece(run: RunData, frames: slice) -> RunData:
         marks_mm=run.marks_mm[frames],
         systematic={key: shift[frames] for key, shift in run.systematic.items()},
         log=run_command,
+        run_in=None if at_rest else _moving(run, max(first - RUN_IN_S, float(run.time_s[0]))),
     )
+
+
+def _moving(run: RunData, at_s: float) -> tuple[float, float, float] | None:
+    """The velocity of a run near a time, as in RunData.run_in."""
+    time_s, middle, heading = midpoint_and_heading(run)
+    return velocity_at(time_s, np.column_stack([middle, heading]), at_s)

@@ -203,7 +203,13 @@ def test_speed_of_a_robot_in_motion_is_that_of_its_command_at_the_first_pose_by_
     robot = barrel({"id": "time-base", "factor": 1.25})
     told = RunCommand(Command.constant(33.0, 20.0, -1.0), starts_at_rest=False)
     _simulated_from(State(1.0, 2.0, 0.3), robot, told, moving(0.5), 4)
-    assert asked == [(State(1.0, 2.0, 0.3), pytest.approx(0.4), 4)]
+    along = (2 + 6 * 0.5 + 1j * (-1 + 0.5)) * np.exp(-1j * (0.3 + 0.7 * 0.5))  # as measured there
+    ((begin, *others),) = asked
+    assert others == [pytest.approx(0.4), 4]
+    assert begin.to_array() == pytest.approx([1.0, 2.0, 0.3, along.real, along.imag, 0.7])
+    unseen = moving(0.5, 4)  # too few poses for a velocity
+    _simulated_from(State(1.0, 2.0, 0.3), robot, told, unseen, 4)
+    assert asked[1][0] == State(1.0, 2.0, 0.3)
 
 
 def test_counterpart_is_read_by_the_same_estimator() -> None:

@@ -13,7 +13,7 @@ from simulator.integrator.batch import integrate_one
 from simulator.integrator.run_kernel import DONE
 from simulator.robot import load_robot
 from simulator.run import Run, State
-from simulator.simulation import simulate
+from simulator.simulation import moving_state, simulate
 from simulator.steady import steady_turns
 from tests.end_to_end.commands import turnscope
 from tests.simulator.effect_probe import with_effects
@@ -45,6 +45,17 @@ def test_nanometre_a_second_decides_between_two_stable_turns_and_the_run_says_so
     assert sorted(ends) == pytest.approx(sorted(turn.u_mm_s for turn in turns), rel=1e-6)
     assert ends[0] < 0 < ends[1]
     assert all(run.is_by_chance for run in runs)
+
+
+def test_a_robot_in_motion_takes_the_turn_in_which_it_was_measured() -> None:
+    robot, command = load_robot("tire"), Command.constant(-90.0, 39.274, -10.0)
+    turns = [turn for turn in steady_turns(robot, -90.0, 39.274) if turn.stable]
+    for turn in turns:
+        roughly = State(1.0, 2.0, 0.3, 0.5 * turn.u_mm_s, 0.0, 0.8 * turn.yaw_rate_rad_s)
+        found = moving_state(robot, command, roughly, 0.0)
+        assert (found.x_mm, found.y_mm, found.heading_rad) == (1.0, 2.0, 0.3)
+        assert (found.u_mm_s, found.yaw_rate_rad_s) == pytest.approx((turn.u_mm_s, turn.yaw_rate_rad_s), rel=1e-6)
+    assert turns[0].u_mm_s * turns[1].u_mm_s < 0
 
 
 @pytest.mark.parametrize(

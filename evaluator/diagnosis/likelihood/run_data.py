@@ -47,7 +47,9 @@ class RunData:
     appearance of a mark). log: the commands, if there is more than one or the run does not start at rest; left_rpm and
     right_rpm are then the command held longest, start_s and stop_s the first and the last time with a motor on.
     from_poses: the marks were computed from poses, so that their distance has no information. start_is_stated: whether
-    the file states start_s, which is otherwise 0. filmed: whether the marks are known to be from a film.
+    the file states start_s, which is otherwise 0. filmed: whether the marks are known to be from a film. run_in:
+    velocity of the midpoint of the marks along and across the heading, mm/s, and yaw rate, rad/s, as measured RUN_IN_S
+    before a run that does not start at rest; None: rest.
     """
 
     id: str
@@ -64,6 +66,7 @@ class RunData:
     from_poses: bool = False
     start_is_stated: bool = True
     filmed: bool = False
+    run_in: tuple[float, float, float] | None = None
 
     @cached_property
     def run_command(self) -> RunCommand:

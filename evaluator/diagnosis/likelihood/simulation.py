@@ -2,7 +2,7 @@
 
 Motors start at start_s in the time of the recording. If the recording begins later, the simulation still starts at
 start_s; the start pose is then the pose at start_s, which is fitted like any other. A robot that does not start at rest
-has the steady velocity of its commands in its first frame.
+has in its first frame the velocity that its commands give it after RUN_IN_S from the measured one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from evaluator.diagnosis.likelihood.known_to import START, amount_of, mark_keys
 from evaluator.diagnosis.likelihood.observed_marks import Pose, SharedErrors, Sight
 from evaluator.diagnosis.likelihood.run_data import START_POSE, Floats, RunData, Task
 from evaluator.diagnosis.likelihood.variants import Variant, Variants
+from evaluator.robot_geometry import reference_places
 from simulator.dynamics.record import model_type
 from simulator.effects.coordinates import Candidate
 from simulator.integrator.batch import integrate_many
@@ -67,6 +68,7 @@ class Simulated:
         run_commands = [run.run_command for run in data]
         self._knots = [item.command.knots for item in run_commands]
         self._from_rest = np.array([item.starts_at_rest for item in run_commands], dtype=np.bool_)
+        self._run_in = np.array([_run_in(*pair) for pair in zip(self._data, self.robots, strict=True)])
         self._variants = variants or Variants(self.robots, self._terms, self.known)
         self._paths = Paths()
         self._rippling = any(entry.id == RIPPLE for robot in distinct.values() for entry in robot.effect)
@@ -174,6 +176,7 @@ class Simulated:
         if len(moving):
             begin = times_s[edges[:-1]][moving]
             run_in = np.column_stack([begin - RUN_IN_S, begin]).ravel()
+            states[moving, 3:] = self._run_in[np.asarray(runs)[moving]]
             ends = _integrated(
                 *(models, knots, knot_edges, states[moving], run_in, 2 * np.arange(len(moving) + 1), moving),
                 tolerance_mm,
@@ -248,6 +251,15 @@ def _integrated(
         most_steps,
     )
     return out
+
+
+def _run_in(run: RunData, robot: Robot) -> tuple[float, float, float]:
+    """Velocity of the centre of the robot RUN_IN_S before a run, body frame, mm/s and rad/s; see RunData.run_in."""
+    if run.run_in is None:
+        return 0.0, 0.0, 0.0
+    along, across, spin = run.run_in
+    x, y = np.mean(reference_places(robot), axis=0)
+    return along + spin * y, across - spin * x, spin
 
 
 def _turns(run: RunData) -> float:

@@ -15,6 +15,7 @@ from evaluator.diagnosis.long_sessions import LONGEST_S, apart, deciding_runs, n
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
+from simulator.simulation import RUN_IN_S
 from tests.evaluator.diagnosis.synthetic import run_data
 
 
@@ -35,6 +36,22 @@ def test_a_long_recording_is_cut_at_changes_of_command_and_every_few_seconds_els
     assert [piece.run_command.starts_at_rest for piece in pieces] == [True] + 5 * [False]
     # motors are told what they were told before the piece: those that follow late know it
     assert pieces[3].run_command.command.at(np.array([107.0, 109.1, 109.3]))[0].tolist() == [2, 2, 3]
+
+
+def test_a_piece_begins_with_the_velocity_that_was_measured_before_it() -> None:
+    """A run that gathers speed along x at 1 mm/s², and whose two marks are 1 mm apart along y."""
+    run = driven((0.0, 9.2), 20.05)
+    since = run.time_s - 100
+    marks = np.column_stack([since**2 / 2, 0 * since + 1, since**2 / 2, 0 * since])
+    run = replace(run, marks_mm=marks)
+    pieces = pieces_of(run, fewest=6)
+    assert pieces[0].run_in is None  # it starts at rest
+    for piece in pieces[1:]:
+        assert piece.run_in == pytest.approx((piece.time_s[0] - 100 - RUN_IN_S, 0.0, 0.0), abs=1e-9)
+    moving = replace(run, log=replace(run.run_command, starts_at_rest=False))
+    assert pieces_of(moving, fewest=6)[0].run_in == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)  # of its first frames
+    short = replace(moving, time_s=run.time_s[50:80], marks_mm=marks[50:80])
+    assert pieces_of(short, fewest=6)[0].run_in == pytest.approx((5.0, 0.0, 0.0), abs=1e-9)
 
 
 def test_a_short_recording_stays_whole_and_pieces_without_poses_are_none() -> None:

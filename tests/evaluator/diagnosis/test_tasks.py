@@ -293,6 +293,23 @@ def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_it
     agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_resting)
 
 
+def test_a_run_in_begins_with_the_measured_velocity_of_the_midpoint_of_the_marks() -> None:
+    """Of a robot that slides so long that it has not forgotten it when the recording begins."""
+    slip = BARREL.slip.model_copy(update={"longitudinal_friction": 1e-4, "lateral_friction": 2e-4})
+    body, magnets = BARREL.body.model_copy(update={"mass_g": 50.0}), type(BARREL.magnetic_attraction)()
+    slippery = BARREL.model_copy(update={"slip": slip, "body": body, "magnetic_attraction": magnets})
+    command = Command.always(LEFT, RIGHT)
+    run_in = (1.0, 0.5, 0.4)
+    moving = replace(RUN, log=RunCommand(command, starts_at_rest=False), start_s=0.0, systematic={}, run_in=run_in)
+    resting = replace(moving, run_in=None)
+    simulated = Simulated([slippery] * 2, [moving, resting], {})
+    of_moving, of_resting = simulated.marks([task(), replace(task(), run=1)])
+    begin = State(*POSE, 1.0, 0.5 - 0.4 * -1.55, 0.4)  # of the centre, ahead of the marks
+    start = moving_state(slippery, command, begin, -1e-3)
+    run = simulate(slippery, command, np.concatenate([[-1e-3], TIME]), start, run_index=3)
+    agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_resting)
+
+
 def test_starts_are_aligned_with_the_first_part_of_every_run() -> None:
     nominal = expected(pose=(0.0, 0.0, 0.0))
     points = nominal.reshape(-1, 2) @ np.array([[np.cos(0.8), np.sin(0.8)], [-np.sin(0.8), np.cos(0.8)]]) + [5.0, -4.0]
