@@ -13,7 +13,9 @@ from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.pose_headings import in_another_convention
 from evaluator.diagnosis.mistakes.motion import midpoint_and_heading
 from evaluator.diagnosis.mistakes.recognise import recognise
-from tests.evaluator.diagnosis.posed_runs import HUSKY, poses
+from evaluator.interchange.commands import RunCommand
+from simulator.command import Command
+from tests.evaluator.diagnosis.posed_runs import HUSKY, TIME, poses
 
 Floats = NDArray[np.float64]
 RIGHT_ANGLE = np.pi / 2
@@ -74,6 +76,18 @@ def test_turns_on_the_spot_and_short_recordings_tell_nothing() -> None:
     assert in_another_convention(aside, [HUSKY] * 6) == []
     short = [run.first(11) for run in runs_read_as(np.negative)]
     assert in_another_convention(short, [HUSKY] * 6) == []
+
+
+@pytest.mark.parametrize("every", [False, True])
+def test_gentle_turns_judge_where_there_are_some(*, every: bool) -> None:
+    """A robot with a load at one end moves far off its heading in tight turns."""
+    begin_s = 0.0 if every else 2.0
+    runs = []
+    for run in runs_read_as(np.positive):
+        steps = [(0.0, run.left_rpm, run.right_rpm), (begin_s, 20.0, 60.0)]
+        skewed = read_as(run, lambda heading: heading + RIGHT_ANGLE * (begin_s <= TIME))
+        runs.append(replace(skewed, log=RunCommand(Command.steps(steps[every:]), logged=True)))
+    assert bool(in_another_convention(runs, [HUSKY] * 6)) == every
 
 
 def test_two_runs_may_have_been_pushed() -> None:
