@@ -17,6 +17,7 @@ from scipy import special
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.linear.mixed_model import FRICTION_SCATTER, GAIN_SCATTER, SCATTER, run_effects
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.recognised import recording_of
 
 Floats = NDArray[np.float64]
 
@@ -278,32 +279,40 @@ def _order(random_effects: Floats, shares: Floats, data: Sequence[RunData], rele
     root, and the regressors are multiplied by it. relevant: (4,), size below which a dependence does not count.
     """
     tests = 0
+    recordings = np.unique([recording_of(run.id) for run in data], return_inverse=True)[1]
     least, reason = 1.0, ""
     for by, columns in _known(data).items():
         for what, column, share, least_size in zip(SCATTER, random_effects.T, shares.T, relevant, strict=True):
             if by == "order" and what in OF_SESSION:
                 continue
-            p, size = dependence(column, share, columns)
+            p, size = dependence(column, share, columns, recordings)
             tests += np.isfinite(p)
             if p < least and size >= least_size:
                 least, reason = p, f"{what.replace('_', ' ')} of the runs depends on {by}"
     return min(1.0, least * max(tests, 1)), reason
 
 
-def dependence(random_effects: Floats, share: Floats, known: Floats) -> tuple[float, float]:
+def dependence(
+    random_effects: Floats, share: Floats, known: Floats, recordings: NDArray[np.int64] | None = None
+) -> tuple[float, float]:
     """Probability of so strong a dependence of random effects (n,) on known columns (n, k) by chance, and its size.
 
-    share: (n,), see _order. size: half the range of the dependence. NaN, 0 for too few runs.
+    share: (n,), see _order. recordings: (n,), numbers of those of which the runs are parts; they share its clock, and a
+    place, so that only differences within a recording count. All of one where there are no parts. size: half the range
+    of the dependence. NaN, 0 for too few runs.
     """
     seen = share > LEAST_SHARE
     weight = np.sqrt(share[seen])
-    design = np.column_stack([np.ones(seen.sum()), known[seen]]) * weight[:, None]
-    tested, freedom = design.shape[1] - 1, len(design) - design.shape[1]
-    if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) <= tested:
+    in_parts = recordings is not None and len(set(recordings)) < len(recordings)
+    own = recordings[seen] if recordings is not None and in_parts else np.zeros(int(seen.sum()))
+    means = (own[:, None] == np.unique(own)).astype(np.float64)
+    design = np.column_stack([means, known[seen]]) * weight[:, None]
+    tested, freedom = known.shape[1], len(design) - design.shape[1]
+    if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) < design.shape[1]:
         return float("nan"), 0.0
     values = random_effects[seen] / weight
-    slopes = np.linalg.lstsq(design, values, rcond=None)[0][1:]
-    without, rest = (_left(part, values) for part in (design[:, :1], design))
+    slopes = np.linalg.lstsq(design, values, rcond=None)[0][-tested:]
+    without, rest = (_left(part, values) for part in (design[:, :-tested], design))
     p = float(special.fdtrc(tested, freedom, (without - rest) / tested / max(rest / freedom, 1e-30)))
     return p, float(np.ptp(known[seen] @ slopes)) / 2
 

@@ -15,6 +15,7 @@ from evaluator.diagnosis.assessment.adequacy import (
     _parted,
     _smaller_group,
     _widest,
+    dependence,
     odd_frictions,
     unlike_repeats,
     unlike_runs,
@@ -247,3 +248,20 @@ def test_of_seven_runs_and_more_a_quarter_may_be_odd(count: int, far: int, found
     values = 1e-3 * np.resize([1.0, -1.0], count)
     values[:far] += 100.0 + np.arange(far)
     assert sorted(_odd(values, 0.05)) == list(range(found))
+
+
+def test_of_parts_of_recordings_only_differences_within_one_count() -> None:
+    """Six recordings of five parts, each with a clock of its own, and a place."""
+    rng = np.random.default_rng(5)
+    recordings = np.repeat(np.arange(6), 5)
+    clock, place = rng.normal(size=6)[recordings], rng.normal(size=6)[recordings]
+    late = 0.9 * place + 0.1 * clock + 0.1 * rng.normal(size=30)
+    own, every = (place + 0.1 * rng.normal(size=30))[:, None], np.ones(30)
+    assert dependence(late, every, own)[0] < 1e-6
+    assert dependence(late, every, own, recordings)[0] > 1e-3
+    assert np.isnan(dependence(late, every, place[:, None], recordings)[0])  # the same in all parts
+    side = rng.choice([-1.0, 1.0], size=30)
+    p, size = dependence(late + side, every, side[:, None], recordings)
+    assert p < 1e-6
+    assert size == pytest.approx(1.0, abs=0.1)
+    assert dependence(late, every, own, np.arange(30)) == dependence(late, every, own)  # whole runs
