@@ -51,7 +51,7 @@ def in_another_convention(data: Sequence[RunData], robots: Sequence[Robot]) -> l
 def _reading(runs: Sequence[RunData]) -> str:
     """How headings of runs disagree with their direction of motion; "" if they do not clearly.
 
-    The way of a single run may be a push or a slide: several have to agree.
+    The way of a single run may be a push or a slide: several have to agree. Tight turns tell another convention only.
     """
     for share in (GENTLE_SHARE, STRAIGHT_SHARE):
         ways = [_ways(run, share) for run in runs]
@@ -67,6 +67,8 @@ def _reading(runs: Sequence[RunData]) -> str:
     found = [words for words, agreement in agrees.items() if agreement > AGREES]
     if found:
         return f"does not move the way it heads: its headings seem to count {', or '.join(found)}"
+    if share < GENTLE_SHARE:
+        return ""
     if abs(direct) > AGREES:
         off_deg = abs(float(np.degrees(np.angle(direct)))) / 2
         return f"does not move the way it heads: its headings are off by {off_deg:.0f} degrees"
