@@ -7,6 +7,7 @@ from pathlib import Path
 
 from evaluator.errors import InputError
 from evaluator.files.reading import quoted
+from evaluator.files.writing import require_room_for
 
 LONGEST_HEAD = 100_000  # characters of the line of names of a table
 
@@ -25,7 +26,9 @@ def refuse_to_lose(output: Path, columns: Iterable[str]) -> None:
     """Raise InputError if an output exists and is no table of its own kind, which has these columns.
 
     A result that is computed again replaces the one before; a recording or notes of the same name are not lost to it.
+    Raises UnwritableError if no file can be made there, before work of minutes is lost.
     """
+    require_room_for(output)
     try:
         if not output.is_file():  # not there, or a device
             return

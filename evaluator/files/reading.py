@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import re
 import tomllib
@@ -43,6 +44,8 @@ def read_with(load: Callable[[Path], Value], path: Path) -> Value:
 
 def _of_bytes(error: UnicodeDecodeError) -> str:
     """Why bytes are no text in UTF-8, with the remedy."""
+    if error.object.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "is text in UTF-16, which some editors call Unicode; save it as UTF-8"
     if b"\0" in error.object:
         return "is no text but a picture, a recording or another binary file; give a text file"
     return f"not a text file (byte {error.start} is not UTF-8); save it as UTF-8"

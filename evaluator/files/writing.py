@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 from evaluator.errors import InputError, UnwritableError
@@ -51,6 +52,16 @@ def written_whole(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # renamed, or never made; a disk that refuses this has said so before
             temporary.unlink()
+
+
+def require_room_for(path: Path) -> None:
+    """Raise UnwritableError if no file can be made where a path leads; folders that it needs are not made yet."""
+    try:
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _unwritable(path, error) from error
 
 
 def _replace(temporary: Path, place: Path) -> None:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POINTED_PX = 1.0  # standard uncertainty of a position selected by hand
+ITS_TIME = "give the time in the table at which the motors were commanded"
 SAME_RUN = 1.1  # largest ratio of radii of repetitions, because commands are unknown here
 
 
@@ -91,6 +92,7 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     height = request.robot.height_mm if request.robot else 0.0
     names = request.robot.marks().names if request.robot else ()
     time, points, unit = read_points(path, request.tracks, request.camera, height, names)
+    _check_times(path, time, request.start_s, request.stop_s)
     lines: list[str] = []
     scale_sigma = 0.0
     if unit == "px" and request.ruler is not None:
@@ -126,6 +128,15 @@ def measure_table(path: Path, request: Request) -> MeasuredTable:
     return _measured(head, poses, request, lines, scale_sigma)
 
 
+def _check_times(path: Path, time_s: Array, start_s: float | None, stop_s: float | None) -> None:
+    """Raise InputError if the motors are stated to be off throughout a table, by --start-s or --stop-s."""
+    first, last = float(time_s[0]), float(time_s[-1])
+    if start_s is not None and start_s >= last:
+        raise InputError(f"{path}: --start-s is {start_s:g} s, but the table ends at {last:.2f} s; {ITS_TIME} on")
+    if stop_s is not None and stop_s <= first:
+        raise InputError(f"{path}: --stop-s is {stop_s:g} s, but the table begins at {first:.2f} s; {ITS_TIME} off")
+
+
 def _of_poses(path: Path, request: Request) -> MeasuredTable:
     """Measure poses of another system; times are those of its clock."""
     if request.ruler is not None:
@@ -134,6 +145,7 @@ def _of_poses(path: Path, request: Request) -> MeasuredTable:
     stated = request.start_s, request.stop_s
     start_s, stop_s = (None if at is None else in_recording_s(at, read.zero_s) for at in stated)
     head = {"run": path.stem, "left_rpm": request.left_rpm, "right_rpm": request.right_rpm}
+    _check_times(path, read.table["time_s"].to_numpy(float), start_s, stop_s)
     shifted = replace(request, start_s=start_s, stop_s=stop_s)
     return _measured(head, poses_of(read.table), shifted, read.notes(), 0.0)
 

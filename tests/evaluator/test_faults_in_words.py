@@ -163,6 +163,14 @@ def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(
     assert fault.startswith(f"{tmp_path / 'p.toml'}: is a pipe or a device")
 
 
+@pytest.mark.parametrize("order", ["utf-16", "utf-16-be"])
+def test_text_of_two_bytes_a_letter_is_no_picture(order: str, tmp_path: Path) -> None:
+    path = tmp_path / "experiment.toml"
+    path.write_bytes("\ufeff".encode(order) * (order != "utf-16") + 'name = "Ä"\n'.encode(order))
+    (fault,) = check_experiment(path).faults
+    assert fault == f"{path}: is text in UTF-16, which some editors call Unicode; save it as UTF-8"
+
+
 def test_lists_in_lists_without_end_are_a_fault_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "experiment.toml"
     path.write_text(f"a = {'[' * 20_000}{']' * 20_000}", encoding="utf-8")

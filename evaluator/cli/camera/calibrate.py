@@ -24,7 +24,12 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @click.option("-o", "--out", type=FILE, default=Path("camera.json"), show_default=True, help="Camera file to write.")
 @click.option("--distance-mm", nargs=2, type=float, help="Measured height of the lens above the plate, and its sigma.")
 @click.option(
-    "--mark-height", "mark_height_mm", type=float, default=6.5, show_default=True, help="Height of the marks, mm."
+    "--mark-height",
+    "mark_height_mm",
+    type=click.FloatRange(min=0),
+    default=6.5,
+    show_default=True,
+    help="Height of the marks above the plate, mm.",
 )
 @click.option(
     "--tolerance-um",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import pytest
 
 from evaluator.cli.checked import WRITTEN
 from evaluator.cli.group import COMMANDS, turnscope
-from evaluator.errors import InputError
+from evaluator.errors import InputError, UnwritableError
+from evaluator.files import writing
 from evaluator.workflow import Outputs, analyze, diagnose, export
 from evaluator.workflow.analysis import measure
 from tests.evaluator.cli.called import run
@@ -66,17 +68,17 @@ def test_a_command_refuses_to_replace_what_it_reads(words: str, lost: str, folde
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "simulate --robot barrel --left 3 --right 2 --duration 1 -o {}",
-        "steady --left 33 -o {}",
-        "sweep sweep.toml -o {}",
-        "track film.mp4 -o {}",
-        "turning log.csv -o {}",
-        "turning log.csv --phases {}",
-    ],
-)
+OF_TABLES = [
+    "simulate --robot barrel --left 3 --right 2 --duration 1 -o {}",
+    "steady --left 33 -o {}",
+    "sweep sweep.toml -o {}",
+    "track film.mp4 -o {}",
+    "turning log.csv -o {}",
+    "turning log.csv --phases {}",
+]
+
+
+@pytest.mark.parametrize("words", OF_TABLES)
 def test_a_table_replaces_only_one_of_its_kind(words: str, folder: Path) -> None:
     for text in (HEAD, "my notes", "\ufeff" + HEAD, HEAD.strip()):
         (folder / "book.csv").write_text(text, encoding="utf-8")
@@ -85,6 +87,26 @@ def test_a_table_replaces_only_one_of_its_kind(words: str, folder: Path) -> None
         assert str(refused).startswith("book.csv: exists, and is no table that this command writes (it begins '")
         assert str(refused).endswith("'); give another name, or remove it")
         assert (folder / "book.csv").read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("words", OF_TABLES)
+def test_a_place_where_nothing_can_be_written_is_refused_before_the_work(
+    words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Path] = []
+
+    def refuse(dir: Path) -> None:  # noqa: A002
+        asked.append(dir)
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(writing, "TemporaryFile", refuse)
+    before = {path.name for path in folder.iterdir()}
+    refused = run(*words.format("new/deep/book.csv").split()).exception
+    assert isinstance(refused, UnwritableError)
+    said = "cannot be written (read-only file system); write elsewhere, and run the command again"
+    assert str(refused) == f"{Path('new/deep/book.csv')}: {said}"
+    assert asked == [folder]  # the folder that is there
+    assert {path.name for path in folder.iterdir()} == before
 
 
 def test_a_result_that_is_computed_again_replaces_the_one_before(folder: Path) -> None:

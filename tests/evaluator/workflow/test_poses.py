@@ -113,6 +113,28 @@ def test_the_turning_command_measures_poses_without_a_robot_file(tmp_path: Path)
     assert found.row["start_delay_s"] == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"start_s": 6.0}, "--start-s is 6 s, but the table ends at 5.95 s"),
+        ({"start_s": 5.95}, "--start-s is 5.95 s, but the table ends at 5.95 s"),
+        ({"stop_s": 0.0}, "--stop-s is 0 s, but the table begins at 0.00 s"),
+    ],
+)
+def test_motors_that_are_off_throughout_a_table_are_a_mistake(
+    stated: dict[str, float], said: str, tmp_path: Path
+) -> None:
+    poses = noisy(motion()).iloc[:358]
+    poses = poses.assign(time_s=np.round(np.arange(358) / 60, 4))
+    marks = pd.DataFrame({"time_s": poses["time_s"], "green_x_mm": poses["x_mm"], "green_y_mm": poses["y_mm"]})
+    for table in (poses, marks):
+        table.to_csv(tmp_path / "r01.csv", index=False)
+        assert measure_table(tmp_path / "r01.csv", Request(start_s=-1.0, stop_s=9.0)).row
+        with pytest.raises(InputError) as refused:
+            measure_table(tmp_path / "r01.csv", Request(**stated))
+        assert str(refused.value).startswith(f"{tmp_path / 'r01.csv'}: {said}; give the time in the table")
+
+
 def test_noise_is_estimated_from_the_poses_where_none_is_stated_and_taken_where_it_is(tmp_path: Path) -> None:
     table = noisy(motion(20.0))
     table.to_csv(tmp_path / "r01.csv", index=False)
