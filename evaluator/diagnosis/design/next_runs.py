@@ -61,16 +61,18 @@ def hypothetical(
     like: Forward | None = None,
     known: Sequence[Quantity] = (),
     start_sigma_s: float = 0.0,
+    *,
+    from_poses: bool = False,
 ) -> tuple[Problem, Point]:
     """A problem of hypothetical runs, whose measured marks are the prediction at a point.
 
     orders: number of each run in its session. known, start_sigma_s: quantities that the laboratory knows to a
     tolerance, and uncertainty of the start of each run. like: a session of the same laboratory, instead of
-    start_sigma_s.
+    start_sigma_s. from_poses: as of RunData; the runs of a robot on open ground are.
     """
     times = [np.arange(0.0, item.duration_s + REST_S, 1 / RATE_HZ) for item in runs]
     data = tuple(
-        RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order)
+        RunData(f"c{number}", *item.command, REST_S, None, time, np.zeros((len(time), 4)), order, from_poses=from_poses)
         for number, (item, time, order) in enumerate(zip(runs, times, orders, strict=True))
     )
     same = (like.known, like.start_sigma_s) if isinstance(like, Simulated) else (predicted_sigmas(known), start_sigma_s)
@@ -212,7 +214,8 @@ def best_next_runs(
         orders = [len(data)] * len(options)
         fit, noise = search.fits[chosen], search.problem.noise[0]
         forward = search.problem.forward
-        problem, at = hypothetical(robot, dict(search.terms), noise, options, orders, fit.point, forward, known)
+        session = robot, dict(search.terms), noise, options, orders, fit.point, forward, known
+        problem, at = hypothetical(*session, from_poses=search.problem.open_ground)
         views = {name: [from_rival(problem, at, rival)] for name, rival in rivals.items()}
         for name, rival in rivals.items():
             if not any(search.terms[effect].starts for effect in chosen ^ rival.fit.terms):
@@ -220,7 +223,9 @@ def best_next_runs(
         return views
 
     commands = commands_at(levels, pivots=both_ways)
-    options = [run for each in commands for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE,))]
+    # No ground has the grain of a plate: four headings distinguish a slope or a force there, in half of the time.
+    headings = HEADINGS_DEG[::2] if search.problem.open_ground else HEADINGS_DEG
+    options = [run for each in commands for run in placed(robot, each, headings, room, (MIDDLE,))]
     if not options:
         return None
     information = of(options)
@@ -228,7 +233,7 @@ def best_next_runs(
     worth = sorted({options[run].command for group in groups for run in runs_until_enough(group)[0]})
     involved = {effect for rival in rivals.values() for effect in rival.fit.terms} | chosen
     if depends_on_place(robot, [search.terms[effect] for effect in sorted(involved)]):
-        options = [run for each in worth for run in placed(robot, each, HEADINGS_DEG, room, (MIDDLE, *CORNERS))]
+        options = [run for each in worth for run in placed(robot, each, headings, room, (MIDDLE, *CORNERS))]
         information = of(options)
     return _until_separated(options, information, chosen)
 

@@ -220,7 +220,12 @@ def test_next_runs_are_sought_at_the_speeds_driven_and_where_effects_depend_on_i
 
     monkeypatch.setattr(next_runs, "commands_at", commands)
     monkeypatch.setattr(next_runs, "placed", options_of)
-    monkeypatch.setattr(next_runs, "hypothetical", lambda _r, _t, _n, options, orders, *_: (options, orders))
+
+    def hypothetical(*given: Any, from_poses: bool) -> Any:
+        told.update(from_poses=from_poses)
+        return given[3], given[4]
+
+    monkeypatch.setattr(next_runs, "hypothetical", hypothetical)
     monkeypatch.setattr(next_runs, "from_rival", view("rival"))
     monkeypatch.setattr(next_runs, "from_chosen", view("chosen"))
     monkeypatch.setattr(
@@ -229,11 +234,11 @@ def test_next_runs_are_sought_at_the_speeds_driven_and_where_effects_depend_on_i
     terms = {"a": effect("a"), "b": effect("b", starts=((0.0,),) if starts else ())}
     fits = {ids: SimpleNamespace(terms=ids, point=None) for ids in (A, B)}
     forward = SimpleNamespace(robots=(load_robot("barrel"),))
-    search: Any = SimpleNamespace(
-        problem=SimpleNamespace(data=data, forward=forward, noise=[None]), fits=fits, terms=terms
-    )
+    problem = SimpleNamespace(data=data, forward=forward, noise=[None], open_ground=False)
+    search: Any = SimpleNamespace(problem=problem, fits=fits, terms=terms)
     table = Standing((A, B), np.array([10.0, 9.0]))
     found = best_next_runs(search, A, table, {})
+    assert not told["from_poses"]
     assert found is not None
     assert (told["levels"], told["pivots"]) == ([10.0, 30.0, 50.0], pivots)
     assert told["room"] == Room((0.0, 0.0), (0.0, 2.0))
@@ -244,5 +249,9 @@ def test_next_runs_are_sought_at_the_speeds_driven_and_where_effects_depend_on_i
     assert found.runs == (CandidateRun(30.0, 30.0, 0.0),)
     assert found.sigmas == {"b": pytest.approx(6.0)}
     assert best_next_runs(search, A, Standing((A,), np.zeros(1)), {}) is None
+    problem.open_ground = True
+    assert best_next_runs(search, A, table, {}) == found
+    assert told["from_poses"]
+    assert told["headings"] == (0, 90, 180, 270)
     monkeypatch.setattr(next_runs, "placed", lambda *_: [])
     assert best_next_runs(search, A, table, {}) is None
