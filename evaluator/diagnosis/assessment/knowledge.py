@@ -32,6 +32,7 @@ ALIKE = {
     **dict.fromkeys(LEVEL, "plate-tilt"),
     **dict.fromkeys(GRAVITY, "mass-offset"),
     **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), "drive-speed-scale"),
+    "slip.lateral_friction": "friction-across",
 }
 # Further ones: slip depends on ratios of speeds, so that a robot with faster wheels moves like one that was filmed with
 # a slow clock.

@@ -117,7 +117,11 @@ def _is_stood_for(search: Search, effect: str, ids: Set) -> bool:
     without = search.fits.get(ids - {effect})
     if without is None:
         return False
-    moved = far(without, search.tolerance) - far(search.fits[ids], search.tolerance)
+    return _moves_in_place_of(far(without, search.tolerance) - far(search.fits[ids], search.tolerance), effect)
+
+
+def _moves_in_place_of(moved: frozenset[str], effect: str) -> bool:
+    """Whether one of the known values that are moved is equivalent to an effect."""
     return any(effect == (LATE if key == START else ALIKE.get(key)) for key in moved)
 
 
@@ -231,10 +235,14 @@ def decide(
             and all(_predicts(search, ids, other) for other in {named, likeliest})
         ):
             return ids, "unknown", "a free-form term predicts held-out commands better than any effect of the catalogue"
-    other, better = _better_fit(search, table, families, named) if search.problem.open_ground else (named, "")
+    other, better = named, ""
+    if search.problem.open_ground:
+        other, better = _better_fit(search, table, families, named, least_material)
     if better and not named:
         return named, "insufficient", f"{better}: runs of more commands are needed"
-    if not named <= other and table.of(other) - table.of(named) > DISPLACED:
+    moved = far(search.fits[other], search.tolerance)
+    without = {effect for effect in named - other if not _moves_in_place_of(moved, effect)}
+    if without and table.of(other) - table.of(named) > DISPLACED:
         which = f"{' and '.join(sorted(named))} {verb(len(named), 'predicts', 'predict')} held-out commands better; yet"
         return frozenset(), "insufficient", f"{which} {better}: runs of more commands are needed"
     if named:
@@ -245,12 +253,14 @@ def decide(
     return named, "none", NOTHING_MISSING
 
 
-def _better_fit(search: Search, table: Standing, families: int, named: Set) -> tuple[Set, str]:
+def _better_fit(search: Search, table: Standing, families: int, named: Set, least_material: float) -> tuple[Set, str]:
     """The most probable set that is significant but not confirmed by left-out commands, and a clause about it.
 
-    The named set and an empty clause if there is none.
+    The named set and an empty clause if there is none. least_material: what a set must gain over none, as it is within
+    the variation of the ground otherwise: on uneven ground without an effect, forces that depend on the place gained 17.
     """
-    gained = (ids for ids in table.sets if table.of(ids) - table.of(named) > (least_gain(ids) if named else 0.0))
+    least = max(least_material, 0.0)
+    gained = (ids for ids in table.sets if table.of(ids) - table.of(named) > (least_gain(ids) if named else least))
     better = next((ids for ids in gained if ids != named and has_the_odds(search, table, families, ids)), None)
     if not better:
         return named, ""
@@ -266,7 +276,8 @@ def _predicts(search: Search, ids: Set, other: Set) -> bool:
         return True
     fits = search.fits[ids], search.fits[other]
     if search.problem.open_ground:
-        return predicts_better(*fits, search.problem.data, search.tolerance)
+        candidates = sum(not is_free(effect) for effect in search.terms)
+        return predicts_better(*fits, search.problem.data, search.tolerance, candidates)
     gain, error = advantage(*fits, search.problem.data, search.tolerance)
     return gain > BETTER_BY and gain > BETTER_SIGMAS * error
 

@@ -77,18 +77,30 @@ def test_residuals_beyond_noise_are_counted_in_floors_of_all_runs_and_channels(
     assert beyond_noise(problem, fit) == pytest.approx(floors, abs=1e-3)
 
 
-@pytest.mark.parametrize(("value", "better"), [(2.30, False), (2.40, True)])
+@pytest.mark.parametrize(
+    ("value", "size", "candidates", "better"),
+    [
+        (2.30, 1.0, 1, False),
+        (2.40, 1.0, 1, True),
+        (2.40, 0.02, 1, True),
+        (2.40, 1.0, 20, True),  # more than the best of many gains by chance
+        (2.40, 0.02, 20, False),
+        (7.40, 0.02, 20, False),
+        (7.50, 0.02, 20, True),  # 7.453 standard errors for one of twenty
+    ],
+)
 def test_commands_left_out_are_predicted_better_at_five_per_cent_of_student(
-    value: float, better: bool, monkeypatch: pytest.MonkeyPatch
+    value: float, size: float, candidates: int, better: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of four commands: 2.353 standard errors of the mean logarithm of the ratio."""
-    steps = np.array([-1.0, 1.0, -1.0, 1.0])
+    steps = size * np.array([-1.0, 1.0, -1.0, 1.0])
     ratios = value * steps.std(ddof=1) / 2 + steps
     answers = iter((-np.full(4, 10.0), -10.0 * np.exp(ratios)))
     monkeypatch.setattr(cross_validation, "_densities", lambda *_: next(answers))
     monkeypatch.setattr(cross_validation, "left_out_together", lambda _: [np.array([k]) for k in range(4)])
     fit: Any = SimpleNamespace(runs=range(4))
-    assert cross_validation.predicts_better(fit, fit, [None] * 4, {}) == better  # type: ignore[list-item]
+    found = cross_validation.predicts_better(fit, fit, [None] * 4, {}, candidates)  # type: ignore[list-item]
+    assert found == better
 
 
 @pytest.mark.parametrize(("runs", "found"), [(4, 3), (3, None)])

@@ -11,7 +11,7 @@ import pytest
 from evaluator.diagnosis.assessment import verdict
 from evaluator.diagnosis.assessment.verdict import best_named, carries_over, decide, pays
 from evaluator.diagnosis.candidates.free_form import grows_with_time
-from evaluator.diagnosis.likelihood.known_to import CLOCK, START
+from evaluator.diagnosis.likelihood.known_to import CLOCK, RADIUS_DIFFERENCE, START
 from tests.evaluator.diagnosis.ranked_sets import NONE, predicting, ranked, with_sigma
 
 A, AB, ABC = frozenset({"a"}), frozenset({"a", "b"}), frozenset({"a", "b", "c"})
@@ -197,9 +197,24 @@ def test_on_open_ground_an_effect_that_a_far_better_model_does_without_is_no_fin
         assert found[2] == f"{named} {better}: runs of more commands are needed"
 
 
+@pytest.mark.parametrize(("sigmas", "said"), [(3.1, "effect"), (2.9, "insufficient")])
+def test_a_far_better_model_that_moves_the_value_equivalent_to_an_effect_does_not_do_without_it(
+    sigmas: float, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Left wheels 4 % larger were named, and displaced by two free-form terms beside a radius 5.7 tolerances off."""
+    mismatch, other = frozenset({"drive-speed-mismatch"}), FREE | B
+    scores = {other: 200.0, mismatch: 100.0, FREE: 1.0, B: 1.0, NONE: 0.0}
+    search, table = ranked(scores, on_ground=True, sigmas={other: {RADIUS_DIFFERENCE: sigmas}})
+    predicting(monkeypatch, lambda ids, _: ids == mismatch)
+    monkeypatch.setattr(verdict, "mean_gain", lambda *_: -0.1)
+    with_sigma(monkeypatch, 0.1)
+    assert decide(search, table, 95, mismatch, 5.0)[1] == said
+
+
 @pytest.mark.parametrize(
     ("effect", "key", "without", "with_it", "carries"),
     [
+        ("friction-across", "slip.lateral_friction", -3.1, 0.0, True),
         ("command-lag", START, 3.1, 0.0, True),
         ("command-lag", START, 2.9, 0.0, False),
         ("command-lag", START, 3.1, 3.2, False),  # as far off beside the effect
