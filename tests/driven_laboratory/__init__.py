@@ -1,0 +1,1 @@
+"""A third world: logs of wheeled skid-steered robots with four driven wheels, written apart from turnscope."""
