@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evaluator.diagnosis.assessment.adequacy import Adequacy, adequacy
-from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy
+from evaluator.diagnosis.assessment.cross_validation import Constancy, constancy, covariance_of
 from evaluator.diagnosis.assessment.gap import TOO_SMALL, beyond_noise
 from evaluator.diagnosis.assessment.knowledge import Knowledge, Together, knowledge, together
 from evaluator.diagnosis.assessment.model_comparison import Set, Standing, is_free, standing
@@ -77,8 +77,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if few := _too_few(verdict, reason, search, table, chosen, session):
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
-    known = knowledge(session.known, search.fits[chosen])
-    at_once = together(search.fits[chosen], search.tolerance)
+    fit = search.fits[chosen]
+    known = knowledge(session.known, fit, covariance_of(fit, search.problem, search.tolerance))
+    at_once = together(fit, search.tolerance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)

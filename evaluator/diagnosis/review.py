@@ -8,6 +8,7 @@ import numpy as np
 
 from evaluator.diagnosis.answer import too_few_runs
 from evaluator.diagnosis.assessment.adequacy import adequacy
+from evaluator.diagnosis.assessment.cross_validation import covariance_of
 from evaluator.diagnosis.assessment.gap import (
     TOO_SMALL,
     Gap,
@@ -114,7 +115,7 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
             reason=reason,
             chosen=frozenset(),
             profiles={},
-            known=tuple(knowledge(session.known, fit)),
+            known=knowledge(session.known, fit, covariance_of(fit, found.search.problem, found.search.tolerance)),
             known_together=together(fit, found.search.tolerance),
             leftover=adequacy(fit, session.data, session.relevant.speed_percent / 100),
         )

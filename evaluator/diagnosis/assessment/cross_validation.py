@@ -18,6 +18,7 @@ from scipy import special
 from evaluator.diagnosis.held_out import left_out_together
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
 from evaluator.diagnosis.likelihood.linear.mixed_model import at_scatter
+from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.likelihood.run_data import RunData
 
 Floats = NDArray[np.float64]
@@ -114,6 +115,13 @@ def covariance_over_commands(fit: Fit, data: Sequence[RunData], tolerance: Mappi
     sigmas = np.sqrt(np.diag(fit.posterior.covariance))
     factor = np.maximum(jackknife / np.maximum(sigmas, 1e-300), 1.0)
     return np.asarray(fit.posterior.covariance * np.outer(factor, factor))
+
+
+def covariance_of(fit: Fit, problem: Problem, tolerance: Mapping[str, float]) -> Floats:
+    """Covariance (p, p) of the parameters of a fit; on open ground it includes the scatter between commands."""
+    if not problem.open_ground:
+        return fit.posterior.covariance
+    return covariance_over_commands(fit, problem.data, tolerance)
 
 
 def _estimates_without(

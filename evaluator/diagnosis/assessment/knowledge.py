@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from evaluator.diagnosis.inference.bounds import bounds
@@ -23,6 +24,8 @@ from evaluator.diagnosis.likelihood.known_to import (
 )
 from evaluator.turning.motion.curvature import Z_975
 from evaluator.wording import verb
+
+Floats = NDArray[np.float64]
 
 # Effects with the same response as a quantity: a value far outside its tolerance may be such an effect.
 ALIKE = {
@@ -83,12 +86,13 @@ class Knowledge:
         return f"{item.name}: off by {self.found:+.2g}{unit} {interval}, tolerance {item.sigma:.2g}{unit}{tail}"
 
 
-def knowledge(quantities: Sequence[Quantity], fit: Fit) -> tuple[Knowledge, ...]:
+def knowledge(quantities: Sequence[Quantity], fit: Fit, covariance: Floats | None = None) -> tuple[Knowledge, ...]:
     """All quantities with their fitted deviations; quantities that are not in the fit keep their tolerance.
 
-    Those that act beside an effect which the model lacks are omitted.
+    Those that act beside an effect which the model lacks are omitted. covariance: of the parameters of the fit, if not
+    its own: see cross_validation.covariance_of.
     """
-    sigma = np.sqrt(np.diag(fit.posterior.covariance))
+    sigma = np.sqrt(np.diag(fit.posterior.covariance if covariance is None else covariance))
     at = {column.key: i for i, column in enumerate(fit.columns) if column.term is None}
     result = []
     for item in quantities:

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.cross_validation import covariance_over_commands
+from evaluator.diagnosis.assessment.cross_validation import covariance_of
 from evaluator.diagnosis.assessment.model_comparison import SAME_SIGMAS, Set, is_free
 from evaluator.diagnosis.assessment.residuals.disagreement import Interval, root_mean_squares
 from evaluator.diagnosis.assessment.verdict import may_be_right
 from evaluator.diagnosis.candidates.free_form import FreeTerm
-from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.steps_of_a_term import likely_interval
 from evaluator.diagnosis.output.content import Bounded, DeterminedContent, EffectContent
 from evaluator.diagnosis.output.silence import silent_reaches
@@ -166,7 +165,8 @@ def _drawn_from(diagnosis: Diagnosis, ids: Set, count: int, terms: Sequence[Cand
     """Joint draws from the posterior of one fitted set, by name, (count,) each."""
     assert diagnosis.search is not None
     fit = diagnosis.search.fits[ids]
-    mean, covariance = np.array([fit.point.value(column) for column in fit.columns]), _covariance(diagnosis, fit)
+    mean = np.array([fit.point.value(column) for column in fit.columns])
+    covariance = covariance_of(fit, diagnosis.search.problem, diagnosis.search.tolerance)
     # the covariance includes the uncertainty of the scatter between runs, except the tails of Student's t; it may be
     # slightly indefinite by rounding if two effects are almost equivalent, which is not an error
     draws = np.random.default_rng(DRAW_SEED).multivariate_normal(
@@ -184,15 +184,6 @@ def _drawn_from(diagnosis: Diagnosis, ids: Set, count: int, terms: Sequence[Cand
         physical = [{**term.physical(place), **(term.known(place) if term.known else {})} for place in places]
         found |= {name: np.array([item[name] for item in physical]) for name in physical[0]}
     return found
-
-
-def _covariance(diagnosis: Diagnosis, fit: Fit) -> Floats:
-    """Covariance of the parameters of a fit; on open ground it includes the scatter between commands."""
-    search = diagnosis.search
-    assert search is not None
-    if not search.problem.open_ground:
-        return fit.posterior.covariance
-    return covariance_over_commands(fit, search.problem.data, search.tolerance)
 
 
 def _period(effect: str, name: str) -> float | None:

@@ -92,6 +92,7 @@ def answered(
         "knowledge": lambda *_: (
             SimpleNamespace(is_finding=finding, quantity=SimpleNamespace(name="track"), equivalent=alike),
         ),
+        "covariance_of": lambda *_: None,
         "together": lambda *_: SimpleNamespace(is_finding=False),
     }
     for name, part in parts.items():

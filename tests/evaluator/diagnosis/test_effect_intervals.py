@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluator.diagnosis.assessment import cross_validation
+from evaluator.diagnosis.assessment.knowledge import knowledge
 from evaluator.diagnosis.assessment.model_comparison import Standing
+from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.output import effects_json
 from simulator.effects.coordinates import Candidate, Coordinate
@@ -26,7 +29,8 @@ def fitted(item: Candidate, values: tuple[float, ...], covariance: np.ndarray, *
         posterior=SimpleNamespace(covariance=covariance),
     )
     chosen = frozenset({item.id})
-    search = SimpleNamespace(problem=SimpleNamespace(open_ground=False), fits={chosen: fit})
+    problem = SimpleNamespace(open_ground=False)
+    search = SimpleNamespace(problem=problem, fits={chosen: fit}, tolerance={})
     known = {"fit": fit, "profiles": {}, "search": search, "chosen": chosen, "standing": None}
     return SimpleNamespace(**known | more)
 
@@ -68,7 +72,7 @@ def test_an_interval_holds_the_value_beside_a_further_effect_that_gains_too_litt
     said = effects_json.parameters(found, item)["first"]
     assert said == pytest.approx({"value": 1.0, "low": low, "high": high}, abs=0.02)
     found.search.problem.open_ground, found.search.problem.data = True, ()
-    monkeypatch.setattr(effects_json, "covariance_over_commands", lambda *_: 0.01 * np.eye(1))
+    monkeypatch.setattr(cross_validation, "covariance_over_commands", lambda *_: 0.01 * np.eye(1))
     found.search.tolerance = {}
     assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.196, abs=0.02)
 
@@ -79,8 +83,23 @@ def test_on_open_ground_an_interval_is_that_over_commands(monkeypatch: pytest.Mo
     found.search.problem = SimpleNamespace(open_ground=True, data=())
     found.search.tolerance = {}
     monkeypatch.setattr(effects_json, "silent_reaches", lambda *_: {})
-    monkeypatch.setattr(effects_json, "covariance_over_commands", lambda *_: 9.0 * np.eye(1))
+    monkeypatch.setattr(cross_validation, "covariance_over_commands", lambda *_: 9.0 * np.eye(1))
     assert effects_json.parameters(found, item)["first"]["high"] == pytest.approx(1.0 + 3 * 1.96, abs=0.3)
+
+
+def test_so_is_that_of_a_value_known_to_a_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pieces of one recording share its friction: their number makes nothing more certain."""
+    known = Quantity("time_base", "clock", "1", 1e-4, 1.0)
+    point = SimpleNamespace(value=lambda _: 2.0)
+    fit: Any = SimpleNamespace(
+        point=point, columns=[Column("time_base")], posterior=SimpleNamespace(covariance=np.eye(1))
+    )
+    monkeypatch.setattr(cross_validation, "covariance_over_commands", lambda *_: 9.0 * np.eye(1))
+    for on_ground, times in ((True, 3.0), (False, 1.0)):
+        problem: Any = SimpleNamespace(open_ground=on_ground, data=())
+        (said,) = knowledge([known], fit, cross_validation.covariance_of(fit, problem, {}))
+        assert said.high - said.found == pytest.approx(1.96 * times * known.per_unit, rel=1e-3)
+    assert knowledge([known], fit)[0].high - 2.0 * known.per_unit == pytest.approx(1.96 * known.per_unit, rel=1e-3)
 
 
 def test_an_angle_has_an_interval_about_its_value() -> None:

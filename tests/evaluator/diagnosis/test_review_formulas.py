@@ -193,6 +193,7 @@ def doubted(
     monkeypatch.setattr(review, "not_shrunk", lambda *_: grown)
     monkeypatch.setattr(review, "too_few_runs", lambda *_: few)
     monkeypatch.setattr(review, "reviewed", lambda again: again)
+    monkeypatch.setattr(review, "covariance_of", lambda *_: "of commands")
     for name in ("knowledge", "together", "adequacy"):
         monkeypatch.setattr(review, name, lambda *given, name=name: (f"{name} of {given[name == 'knowledge']}",))
     return review._doubted(found, SimpleNamespace(sentence=beat) if beat else None)  # type: ignore[arg-type]
