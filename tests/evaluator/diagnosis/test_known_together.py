@@ -145,7 +145,7 @@ def test_an_effect_that_stands_for_what_several_values_would_be_off_by_need_earn
     assert pays(search, table, 95, EFFECT) == (for_relief is not None and (relieves or not for_relief))
 
 
-@pytest.mark.parametrize(("tolerances_off", "gain", "named"), [(4.0, 6.1, True), (2.9, 6.1, False), (4.0, 5.9, False)])
+@pytest.mark.parametrize(("tolerances_off", "gain", "named"), [(4.0, 3.1, True), (2.9, 3.1, False), (4.0, 2.9, False)])
 def test_a_wheel_beyond_three_tolerances_is_a_mismatch_of_the_drive(
     tolerances_off: float, gain: float, named: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import search_runs
-from evaluator.diagnosis.assessment.verdict import RELIEVING
+from evaluator.diagnosis.assessment.verdict import UNDECIDED
 from evaluator.diagnosis.inference.search import MOST_STEPS, Search
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.progress import no_progress
@@ -198,7 +198,7 @@ def test_free_form_terms_that_promise_a_gain_are_fitted_until_three_are_hopeless
     assert asked == []
 
 
-@pytest.mark.parametrize(("gain", "paid"), [(RELIEVING + 0.1, True), (RELIEVING - 0.1, False), (None, False)])
+@pytest.mark.parametrize(("gain", "paid"), [(UNDECIDED + 0.1, True), (UNDECIDED - 0.1, False), (None, False)])
 def test_an_effect_that_relieves_a_quantity_must_pay_for_itself(
     gain: float | None, paid: bool, fitted: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
