@@ -100,30 +100,50 @@ def _drive_commands(knots: Any, mix: Any, limits: Any) -> Any:
 
 @compiled()
 def _ramped(knots: Any, ramps: Any) -> Any:
-    """Knots after the drive has limited how fast mean and half difference of both sides change; ramps (2,): s per rpm.
+    """Knots after the drive has limited how fast the sides change: their mean, half their difference, then each wheel.
 
-    Each of the two parts approaches its target at the limit and follows it from the time at which it reaches it. The
-    result is piecewise linear: new knots arise where a part reaches its target.
+    ramps (3,): s per rpm, of the mean, of half of the difference and of each wheel; 0 without a limit.
     """
-    if ramps[0] <= 0.0 and ramps[1] <= 0.0:
-        return knots
+    each = np.empty(2)
+    if ramps[0] > 0.0 or ramps[1] > 0.0:
+        parts = knots.copy()
+        for row in range(len(knots)):
+            left, right = knots[row, 1], knots[row, 2]
+            parts[row, 1], parts[row, 2] = 0.5 * (left + right), 0.5 * (right - left)
+        each[:] = ramps[:2]
+        knots = _followed(parts, each)
+        for row in range(len(knots)):
+            common, half = knots[row, 1], knots[row, 2]
+            knots[row, 1], knots[row, 2] = common - half, common + half
+    if ramps[2] > 0.0:
+        each[:] = ramps[2]
+        knots = _followed(knots, each)
+    return knots
+
+
+@compiled()
+def _followed(knots: Any, ramps: Any) -> Any:
+    """Two parts that change by 1 rpm in at least ramps (2,), s, and their targets at knots: (k, 3) time and parts, rpm.
+
+    Each part approaches its target at the limit and follows it from the time at which it reaches it. The result (n, 3)
+    is piecewise linear: new knots arise where a part reaches its target.
+    """
     count = len(knots)
     # For each piece its beginning, its end, and the times at which both parts reach their targets.
     bent = np.empty((4 * count, 3))
     target, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     used = counter(0)
-    _parts_of(knots, 0, part)
+    part[:] = knots[0, 1:]
     for piece in range(count):
         at, last = knots[piece, 0], piece == count - 1
         end = np.inf if last else knots[piece + 1, 0]
         if end <= at:
             continue
-        _parts_of(knots, piece, target)
+        target[:] = knots[piece, 1:]
         slope[:] = 0.0
         if not last:
-            _parts_of(knots, piece + 1, slope)
             for k in range(2):
-                slope[k] = (slope[k] - target[k]) / (end - at)
+                slope[k] = (knots[piece + 1, 1 + k] - target[k]) / (end - at)
         while at < end:
             meeting = end - at
             for k in range(2):
@@ -132,7 +152,8 @@ def _ramped(knots: Any, ramps: Any) -> Any:
                     meeting = min(meeting, soon)
                 else:
                     part[k] = target[k]
-            used = _knot(bent, used, at, part)
+            bent[used, 0], bent[used, 1], bent[used, 2] = at, part[0], part[1]
+            used += 1
             if meeting == np.inf:
                 break
             for k in range(2):
@@ -140,7 +161,8 @@ def _ramped(knots: Any, ramps: Any) -> Any:
                 part[k] += speed[k] * meeting
             at = at + meeting if meeting < end - at else end
         if not last:
-            used = _knot(bent, used, end, part)
+            bent[used, 0], bent[used, 1], bent[used, 2] = end, part[0], part[1]
+            used += 1
     return bent[:used]
 
 
@@ -154,20 +176,6 @@ def _nearing(off: float, rounding: float, slope: float, ramp: float) -> tuple[fl
     speed = (1.0 if off > 0.0 else -1.0) / ramp
     nearing = (speed - slope) / off
     return speed, 1.0 / nearing if nearing > 0.0 else np.inf
-
-
-@compiled()
-def _knot(knots: Any, used: int, at: float, parts: Any) -> int:
-    """Write a knot from mean and half difference of both sides; returns the number of knots."""
-    knots[used, 0], knots[used, 1], knots[used, 2] = at, parts[0] - parts[1], parts[0] + parts[1]
-    return used + 1
-
-
-@compiled()
-def _parts_of(knots: Any, row: int, parts: Any) -> None:
-    """Write mean and half difference of both sides of a knot to parts (2,)."""
-    parts[0] = 0.5 * (knots[row, 1] + knots[row, 2])
-    parts[1] = 0.5 * (knots[row, 2] - knots[row, 1])
 
 
 @compiled()

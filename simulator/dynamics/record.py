@@ -41,7 +41,7 @@ NUMBERS: dict[str, int | str] = {
     "mix": 8,  # added to the left, then to the right command, per rpm of left, right, |left| and |right|
     "sliding": 1,  # share of friction that opposes the sliding velocity of the wheel
     "limits": 3,  # rpm: of each wheel, of the mean of both sides, and of half of their difference
-    "ramps": 2,  # s per rpm: least time in which mean and half difference change by 1 rpm; 0 without a limit
+    "ramps": 3,  # s per rpm: least time in which mean, half difference and wheel change by 1 rpm; 0 without a limit
 }
 # Numbers of the slip law of one wheel, in the order above.
 LAW = (

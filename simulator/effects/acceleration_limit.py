@@ -8,46 +8,49 @@ from simulator.effects.draft import Draft
 from simulator.effects.parameter import Parameter
 
 NO_LIMIT_RPM_S = 1e6  # an acceleration that no drive reaches
-AHEAD, TURN = (
+AHEAD, TURN, WHEEL = (
     Parameter(name, "rpm/s", NO_LIMIT_RPM_S, 1.0, 0.0, NO_LIMIT_RPM_S, at_least=1e-3, shown=40.0)
-    for name in ("ahead_rpm_s", "turn_rpm_s")
+    for name in ("ahead_rpm_s", "turn_rpm_s", "wheel_rpm_s")
 )
 STEP_S = 0.01  # time to reach full speed: a delay of this size is visible in the marks (command-lag)
 BEGUN_S = 0.5  # time to reach the usual speed at the start of a fit: typical of robots of a metre
 
 
 def _act(draft: Draft, values: Values) -> None:
-    ramps = (0.0 if values[item.name] >= NO_LIMIT_RPM_S else 1 / values[item.name] for item in (AHEAD, TURN))
+    ramps = (0.0 if values[item.name] >= NO_LIMIT_RPM_S else 1 / values[item.name] for item in (AHEAD, TURN, WHEEL))
     draft.ramps_s_per_rpm = tuple(max(old, new) for old, new in zip(draft.ramps_s_per_rpm, ramps, strict=True))
 
 
 def _fitted(scene: Scene) -> Candidate:
-    """Inverses of both limits, s/rpm, which are 0 without a limit; a ramp delays motion by half its duration."""
+    """Inverses of the three limits, s/rpm, which are 0 without a limit; a ramp delays motion by half its duration.
+
+    A drive limits its speeds ahead and in turns, or each of its motors: a fit begins with either.
+    """
     parts = tuple(
         Coordinate(f"s_per_rpm_{item.name.removesuffix('_rpm_s')}", 0.0, STEP_S / scene.usual_rpm, 0.0, closed=True)
-        for item in (AHEAD, TURN)
+        for item in (AHEAD, TURN, WHEEL)
     )
 
     def physical(values: tuple[float, ...]) -> Parameters:
-        return {
-            item.name: 1 / max(value, 1 / NO_LIMIT_RPM_S) for item, value in zip((AHEAD, TURN), values, strict=True)
-        }
+        names = (AHEAD.name, TURN.name, WHEEL.name)
+        return {name: 1 / max(value, 1 / NO_LIMIT_RPM_S) for name, value in zip(names, values, strict=True)}
 
-    return Candidate("acceleration-limit", parts, physical, ((BEGUN_S / scene.usual_rpm,) * 2,))
+    begun = BEGUN_S / scene.usual_rpm
+    return Candidate("acceleration-limit", parts, physical, ((begun, begun, 0.0), (0.0, 0.0, begun)))
 
 
 EFFECT = Effect(
     id="acceleration-limit",
     name="the drive limits how fast the wheels change speed",
     sentence="The mean speed of both sides changes by at most ahead_rpm_s, half of their difference by at most "
-    "turn_rpm_s.",
-    law="|d/dt (n_left + n_right)/2| ≤ ahead_rpm_s, |d/dt (n_right − n_left)/2| ≤ turn_rpm_s",
-    source="limits of linear and angular acceleration of drive controllers (ros2_controllers, diff_drive_controller); "
-    "measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",
+    "turn_rpm_s; then the speed of each wheel changes by at most wheel_rpm_s.",
+    law="|d/dt (n_left + n_right)/2| ≤ ahead_rpm_s, |d/dt (n_right − n_left)/2| ≤ turn_rpm_s, |dn/dt| ≤ wheel_rpm_s",
+    source="limits of linear and angular acceleration of drive controllers (ros2_controllers, diff_drive_controller) "
+    "and ramps of motor controllers; measured on the wheels of a Clearpath Husky and a Warthog (tests/benchmarks)",
     limits="The limits are equal for speeding up and slowing down, forward and backward. They act after limits of the "
     f"speed and before dead time and lag of the motors. {NO_LIMIT_RPM_S:g} rpm/s are no limit.",
     kind="command",
-    parameters=(AHEAD, TURN),
+    parameters=(AHEAD, TURN, WHEEL),
     act=_act,
     fitted=_fitted,
     of_ground=True,

@@ -25,8 +25,8 @@ class Draft:
     wheels are (n,), in the robot's order. speed_factor: (2,), of the left and the right command.
     across_factor: of the lateral friction of all wheels, besides friction_factor. run_index: number of the run in its
     session, from 0. mix: (2, 4), added to the left and the right command per rpm of left, right, |left| and |right|.
-    limits_rpm: (3,), of each wheel, of the mean of both sides, and of half of their difference. ramps_s_per_rpm: (2,),
-    least time in which mean and half difference change by 1 rpm.
+    limits_rpm: (3,), of each wheel, of the mean of both sides, and of half of their difference. ramps_s_per_rpm: (3,),
+    least time in which that mean, that half and each wheel change by 1 rpm.
     """
 
     robot: NominalRobot
@@ -48,7 +48,7 @@ class Draft:
     last: list[Callable[[Draft], None]] = field(default_factory=list)
     mix: Array = field(default_factory=lambda: np.zeros((2, 4)))
     limits_rpm: tuple[float, ...] = (NO_LIMIT_RPM,) * 3
-    ramps_s_per_rpm: tuple[float, ...] = (0.0,) * 2
+    ramps_s_per_rpm: tuple[float, ...] = (0.0,) * 3
 
     def __post_init__(self) -> None:
         """Initialise factors for the robot's wheels, and its centre of gravity."""

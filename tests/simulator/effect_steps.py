@@ -11,7 +11,7 @@ MOVED = {
     "motor-droop": (236,),
     "command-lag": (99.7, 94.6),
     "speed-limit": (155, 306, 73),
-    "acceleration-limit": (83.2, 35.6),
+    "acceleration-limit": (85.2, 20.0, 21.6),
     "friction-across": (23.2,),
     "sliding-friction": (0.096,),
     "speed-ripple": (56.5, 73.9),

@@ -29,7 +29,7 @@ CONTRACT = {
     "motor-droop": "rpm_per_uN_mm",
     "command-lag": "dead_time_s time_constant_s",
     "speed-limit": "wheel_rpm ahead_rpm turn_rpm",
-    "acceleration-limit": "ahead_rpm_s turn_rpm_s",
+    "acceleration-limit": "ahead_rpm_s turn_rpm_s wheel_rpm_s",
     "friction-across": "factor",
     "sliding-friction": "share",
     "speed-ripple": "amplitude phase_deg",
@@ -97,6 +97,7 @@ def visible(id_: str) -> dict[str, float]:
         "turn_rpm": 8.0,
         "ahead_rpm_s": 40.0,
         "turn_rpm_s": 20.0,
+        "wheel_rpm_s": 55.0,
     }
     base = {item.name: sizes.get(item.name, item.absent) for item in EFFECTS[id_].parameters}
     if id_ == "stray-magnet":  # far enough from the path to pull, not to catch

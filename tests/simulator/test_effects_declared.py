@@ -19,7 +19,7 @@ DRAWN = {
     "motor-droop": (0.004,),
     "command-lag": (0.5, 0.5),
     "speed-limit": (20.0,) * 3,
-    "acceleration-limit": (40.0,) * 2,
+    "acceleration-limit": (40.0,) * 3,
     "friction-across": (2.0,),
     "sliding-friction": (1.0,),
     "speed-ripple": (0.3, 90.0),
@@ -129,10 +129,12 @@ def test_steps_of_a_fits_own_coordinates_are_those_of_effects_that_do_alike() ->
         return [item.step for item in EFFECTS[id_].candidate(scene).coordinates]
 
     assert steps("speed-limit") == pytest.approx([step("drive-speed-scale", "factor") / 20.0] * 3)
-    assert steps("acceleration-limit") == pytest.approx([step("command-lag", "dead_time_s") / 20.0] * 2)
+    assert steps("acceleration-limit") == pytest.approx([step("command-lag", "dead_time_s") / 20.0] * 3)
     assert steps("tether-spring")[1:] == pytest.approx([step("tether-pull", "x_mN"), step("tether-pull", "y_mN")])
     assert steps("command-lag") == pytest.approx([step("command-lag", "dead_time_s"), 0.1])  # a tenth of the delay
     assert steps("magnet-strength") == pytest.approx(
         [step("magnet-strength", f"{axle}_factor") for axle in ("driving", "driven")]
     )
-    assert EFFECTS["acceleration-limit"].candidate(scene).starts == (pytest.approx((0.5 / 20.0,) * 2),)  # half a second
+    begun = 0.5 / 20.0  # half a second
+    starts = EFFECTS["acceleration-limit"].candidate(scene).starts
+    assert starts == (pytest.approx((begun, begun, 0.0)), pytest.approx((0.0, 0.0, begun)))

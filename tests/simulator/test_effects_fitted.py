@@ -194,9 +194,11 @@ def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_sp
 
 def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_median_of_the_commanded_speeds() -> None:
     found = candidate("acceleration-limit")
-    assert found.physical((0.05, 0.0)) == pytest.approx({"ahead_rpm_s": 20.0, "turn_rpm_s": 1e6})
+    assert found.physical((0.05, 0.0, 0.0)) == pytest.approx(
+        {"wheel_rpm_s": 1e6, "ahead_rpm_s": 20.0, "turn_rpm_s": 1e6}
+    )
     assert set(found.physical(found.absent).values()) == {1e6}
-    assert found.starts == (pytest.approx((0.05, 0.05)),)  # of 10, 10, 10 and 30 rpm
+    assert found.starts == (pytest.approx((0.05, 0.05, 0.0)), pytest.approx((0.0, 0.0, 0.05)))  # of 10, 10, 10 and 30
 
 
 def test_magnets_are_fitted_in_the_balance_of_the_loads_and_the_logarithm_of_their_level() -> None:

@@ -124,11 +124,12 @@ def test_a_limited_drive_goes_no_faster_than_its_limit_and_as_told_below_it(barr
     assert speeds == pytest.approx([12.0, 20.0, -20.0], rel=1e-6)
 
 
+@pytest.mark.parametrize("limited", [{"ahead_rpm_s": 60.0}, {"wheel_rpm_s": 60.0}])
 def test_a_drive_of_limited_acceleration_is_late_by_half_the_time_that_its_speed_takes_and_no_slower(
-    barrel: Robot,
+    limited: dict[str, float], barrel: Robot
 ) -> None:
     """30 rpm at 60 rpm/s take half a second, in which the way of a quarter of a second is lost."""
-    robot = affected(barrel, "acceleration-limit", ahead_rpm_s=60.0)
+    robot = affected(barrel, "acceleration-limit", **limited)
     late, told = (
         simulate(item, Command.constant(30.0, 30.0), np.array([0.0, 2.0, 3.0])).x_mm for item in (robot, barrel)
     )
@@ -142,9 +143,9 @@ def test_of_two_accelerations_the_lower_holds(barrel: Robot) -> None:
 
     act, draft = EFFECTS["acceleration-limit"].act, Draft(barrel)
     assert act is not None
-    for ahead, turn in ((40.0, 1e6), (50.0, 20.0)):
-        act(draft, {"ahead_rpm_s": ahead, "turn_rpm_s": turn})
-    assert draft.ramps_s_per_rpm == (1 / 40, 1 / 20)
+    for wheel, ahead, turn in ((80.0, 40.0, 1e6), (1e6, 50.0, 20.0)):
+        act(draft, {"wheel_rpm_s": wheel, "ahead_rpm_s": ahead, "turn_rpm_s": turn})
+    assert draft.ramps_s_per_rpm == (1 / 40, 1 / 20, 1 / 80)
 
 
 def test_a_steady_turn_is_that_of_the_sides_as_the_drive_mixes_them(barrel: Robot) -> None:

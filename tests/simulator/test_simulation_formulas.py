@@ -99,7 +99,7 @@ def test_a_moving_start_has_the_velocity_that_a_second_of_the_command_gives(monk
     monkeypatch.setattr(simulation, "simulate", lambda *given, **named: asked.append((given[2], named)) or end)
     pose = State(1.0, 2.0, 3.0, 9.0, 9.0, 9.0)
     assert simulation.moving_state(None, COMMAND, pose, 2.5, 7) == State(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)  # type: ignore[arg-type]
-    assert asked == [([1.5, 2.5], {"start": State(1.0, 2.0, 3.0), "run_index": 7})]
+    assert asked == [([1.5, 2.5], {"start": pose, "run_index": 7})]  # with the velocity that was measured
     assert simulation._names(4) == simulation.WHEELS
     assert simulation._names(3) == ("wheel_1", "wheel_2", "wheel_3")
 

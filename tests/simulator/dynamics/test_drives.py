@@ -27,7 +27,7 @@ KNOTS = np.array(
 TIMES_S, SEEN_S = np.arange(0.0, 8.0, STEP_S), np.arange(0.1, 8.0, 0.097)
 NO_MIX = np.zeros(8)
 NO_LIMITS = np.full(3, 1e6)
-NO_RAMPS = np.zeros(2)
+NO_RAMPS = np.zeros(3)
 
 
 def model_of(
@@ -130,7 +130,7 @@ def test_a_drive_follows_as_fast_as_its_acceleration_lets_it(
 
     Told to change sides, to stop half way, to ramp faster and slower than they may.
     """
-    model = model_of(lag, dead_time=dead_time, ramps=np.array(ramps))
+    model = model_of(lag, dead_time=dead_time, ramps=np.array([*ramps, 0.0]))
     told = np.array([np.interp(TIMES_S, *jumps_apart(KNOTS, side)) for side in (0, 1)])
     parts = []
     for goal, ramp in zip((told.sum(axis=0) / 2, (told[1] - told[0]) / 2), ramps, strict=True):
@@ -146,10 +146,26 @@ def test_a_drive_follows_as_fast_as_its_acceleration_lets_it(
 
 def test_a_drive_takes_as_long_to_turn_as_its_acceleration_makes_it() -> None:
     """From rest to 10 and 30 rpm: 20 in common at 40 rpm/s take half a second, a difference of 10 at 5 rpm/s two."""
-    model = model_of(ramps=np.array([1 / 40, 1 / 5]))
+    model = model_of(ramps=np.array([1 / 40, 1 / 5, 0.0]))
     knots = np.array([[1.0, 0.0, 0.0], [1.0, 10.0, 30.0]])
     found = driven(model, 0.0, 9.0, np.array([1.0, 1.25, 2.0, 3.0, 8.0]), knots)[:, :2]
     assert found == pytest.approx(np.array([[0, 0], [8.75, 11.25], [15, 25], [10, 30], [10, 30]]))
+
+
+@pytest.mark.parametrize("ramps", [(0.0, 0.0, 0.02), (0.03, 0.08, 0.05), (0.0, 0.01, 1e-4)])
+def test_motors_ramp_each_wheel_after_the_drive_has_ramped_both(ramps: tuple[float, float, float]) -> None:
+    told = np.array([np.interp(TIMES_S, *jumps_apart(KNOTS, side)) for side in (0, 1)])
+    if ramps[:2] != (0.0, 0.0):
+        own = driven(model_of(ramps=np.array([*ramps[:2], 0.0])), 0.0, 8.0, TIMES_S[TIMES_S > 0])
+        told = np.vstack([own[:1, :2], own[:, :2]]).T
+    wheels = []
+    for goal in told:
+        most, now = STEP_S / ramps[2], goal[0]
+        wheels.append([now := now + min(max(value - now, -most), most) for value in goal])
+    expected = driven(model_of(), 0.0, 8.0, SEEN_S, np.column_stack([TIMES_S, *wheels]))
+    found = driven(model_of(ramps=np.array(ramps)), 0.0, 8.0, SEEN_S)
+    np.testing.assert_allclose(found[:, 2:], expected[:, 2:], atol=0.03)
+    np.testing.assert_allclose(found[-1, :2], KNOTS[-1, 1:], atol=1e-6)
 
 
 def test_a_drive_limits_what_it_has_mixed() -> None:
