@@ -70,8 +70,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         reserve = reserve or step_for_drift(search, chosen, session)
         if not reserve and not material and (small := doubts(left, ())):
             reason = f"{reason}; {small}, but {TOO_SMALL}"
-    if reserve and verdict in ("effect", "insufficient") and search.problem.open_ground:
-        reason = f"{reason}; {reserve}"  # on open ground residuals always exceed the noise of the tracking
+    if reserve and search.problem.open_ground:
+        verdict, reason = _on_ground(verdict, reason, reserve)
     elif reserve:
         verdict, (chosen, reason) = "unknown", _nearest(reserve, search, table, chosen, session)
     if few := _too_few(verdict, reason, search, table, chosen, session):
@@ -83,6 +83,16 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)
+
+
+def _on_ground(verdict: Verdict, reason: str, reserve: str) -> tuple[Verdict, str]:
+    """Verdict and reason with a reserve on open ground, where residuals always exceed the noise of the tracking.
+
+    The noise is that of the usual run there, so that single ones exceed it, and no physics is known to be missing.
+    """
+    if verdict == "none":
+        return "insufficient", f"{reserve}: runs of more commands are needed"
+    return verdict, f"{reason}; {reserve}"
 
 
 def _undecided(search: Search, table: Standing, session: Session) -> str:

@@ -40,15 +40,13 @@ def diverging_runs(search: Search) -> list[int]:
     """Indices of the runs of an experiment that diverge at the best fit of a search.
 
     If that does not explain the runs, they diverge only if they obstruct it: their misfit stands out, and they are no
-    more than go wrong by themselves. None on open ground, whose noise contains what such runs scatter, or if the other
-    runs would not suffice.
+    more than go wrong by themselves. So it is on open ground, where no fit explains more than its noise. None if the
+    other runs would not suffice.
     """
     problem, best = search.problem, search.fits[search.ranked()[0]]
-    if problem.open_ground:
-        return []
     count = most = len(problem.data)
     runs: Sequence[int] = range(count)
-    if not best.converged or best.excess >= EXPLAINED:
+    if problem.open_ground or not best.converged or best.excess >= EXPLAINED:
         best = search.initial(1)[0]
         squares, freedom = best.misfits
         misfit = squares / freedom

@@ -173,7 +173,7 @@ def _doubted(found: Diagnosis, course: Dependence | None) -> Diagnosis:
     elif found.verdict == "effect":
         reason = grown_gap(gap, found.held_out, found.outlying, open_ground=open_ground)
     reason = reason or _missed_command(found) or (course.sentence if course and not open_ground else "")
-    few = "runs of more commands are needed" if open_ground and found.chosen else ""
+    few = "runs of more commands are needed" if open_ground else ""  # whose noise is that of the usual run
     if reason and (few := few or too_few_runs(search, frozenset(), found.session)):
         fitted = f"with {' and '.join(sorted(found.chosen))}, " if found.chosen else ""
         reason = f"{fitted}{reason.removeprefix('with it, ')}; {few}"

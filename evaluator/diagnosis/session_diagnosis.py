@@ -21,7 +21,7 @@ from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
-from evaluator.diagnosis.search_ground import searched_on_ground
+from evaluator.diagnosis.search_ground import null_on_ground, searched_on_ground
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
@@ -91,6 +91,9 @@ def _searched(
     ready = prepared(session, progress, fits)
     free, imitating = ready.free, ""
     if ready.problem.open_ground:
+        is_known = DIVERGING in session.left_out.values()
+        if not is_known and (odd := diverging_runs(null_on_ground(ready))):
+            return _searched(session.leaving_out(odd, DIVERGING), progress, fits)
         part, whole = searched_on_ground(ready, progress)
         unrefined = part
     else:

@@ -71,7 +71,7 @@ def test_a_two_sided_size_has_the_middle_of_its_distribution_and_a_drag_the_part
 
 
 def test_a_limit_of_the_motors_is_at_least_something(monkeypatch: pytest.MonkeyPatch) -> None:
-    sigma = {"acceleration-limit": [1e-4, 1e-4]}  # s per rpm
+    sigma = {"acceleration-limit": [1e-4, 1e-4, 1e-4]}  # s per rpm
     found = limited(monkeypatch, ["acceleration-limit"], {}, sigma)["acceleration-limit", "ahead_rpm_s"]
     assert found.high is None
     assert found.low == pytest.approx(1e4 / 1.96, rel=0.03)

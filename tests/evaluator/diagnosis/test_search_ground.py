@@ -35,6 +35,7 @@ def fit_of(ids: frozenset[str], at_bound: Collection[frozenset[str]] = ()) -> An
         posterior=SimpleNamespace(log_evidence=EVIDENCE.get(ids, 0.0)),
         at_bounds=ids if ids in at_bound else (),
         point=None,
+        excess=1.0,
     )
 
 
@@ -69,6 +70,23 @@ def test_sets_grow_by_the_leading_additions_whether_they_have_a_name_or_not(monk
     assert set(search.fits) == {frozenset(), frozenset({"proxy"}), frozenset({FORM})}
     grow(search, 95, size=1, count=1, additions=1)  # the leading one alone, though another of its size was fitted
     assert set(search.fits) - {frozenset(), frozenset({"proxy"}), frozenset({FORM})} == {frozenset({"lag", FORM})}
+
+
+def test_a_set_that_misses_the_runs_far_worse_than_the_best_of_its_size_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search, asked = search_of(monkeypatch, at_bound=[frozenset({"other"})])
+    sets = [frozenset(), frozenset({"proxy"}), frozenset({"lag"}), frozenset({"other"}), frozenset({"lag", FORM})]
+    misses: dict[frozenset[str], float] = dict(zip(sets, (9.0, 1.0, 2.01, 0.1, 5.0), strict=True))
+    for ids, excess in misses.items():
+        search.fits[ids] = fit_of(ids, [frozenset({"other"})])
+        search.fits[ids].excess = excess  # type: ignore[misc]
+    kept = [frozenset(), frozenset({"proxy"}), frozenset({"other"}), frozenset({"lag", FORM})]
+    assert search_ground._near(search, sets) == kept  # what ends at a bound is no measure
+    search.fits[frozenset({"lag"})].excess = 2.0  # type: ignore[misc]
+    assert search_ground._near(search, sets) == sets
+    grow(search, 95, size=1, count=2, additions=1)
+    assert asked == [frozenset({"proxy"}), frozenset({"lag"})]
 
 
 DRIVE_FORM = "free:left_drive.right_command=right_drive.left_command"

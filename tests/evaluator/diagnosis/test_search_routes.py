@@ -42,7 +42,8 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     whole: Any = SimpleNamespace(problem="problem of all")
     results = {
         "search_named": NAMED, "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
-        "searched_on_ground": (part, whole), "separations": {"a": {}}, "profiles_of": {"a": "profile"},
+        "null_on_ground": "null", "searched_on_ground": (part, whole), "separations": {"a": {}},
+        "profiles_of": {"a": "profile"},
         "fitted_where_absent": False,
     }  # fmt: skip
     for name, result in results.items():
@@ -80,7 +81,9 @@ NAMED: Any = SimpleNamespace(name="named", diverging=(), explained=-np.inf)  # a
 ON_PLATE = ["search_named", "refined", "fit_on_all_runs", "challenge_with_free_terms"]
 
 
-@pytest.mark.parametrize(("open_ground", "steps"), [(False, ON_PLATE), (True, ["searched_on_ground"])])
+@pytest.mark.parametrize(
+    ("open_ground", "steps"), [(False, ON_PLATE), (True, ["null_on_ground", "searched_on_ground"])]
+)
 @pytest.mark.parametrize("verdict", ["effect", "unknown"])
 def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_at_once(
     open_ground: bool, steps: list[str], verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
@@ -155,6 +158,20 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
     assert [given[3] for given in done[:2]] == [(), ("of the first seconds", (2,))]
     assert [run.id for run in found.session.data] == ["r0", "r1", "r3"]
+
+
+def test_parts_that_diverge_are_left_out_once_before_open_ground_is_searched(
+    done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "none", open_ground=True)
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "diverging_runs", lambda null: asked.append(null) or [1])
+    session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
+    found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
+    assert [step for step, *_ in done if step != "_in_parts"] == ["null_on_ground", "searched_on_ground"]
+    assert asked == ["null"]
+    assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
+    assert found.session.left_out == {"r1": DIVERGING}
 
 
 @pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient", "stopped"])
