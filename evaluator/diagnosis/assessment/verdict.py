@@ -274,9 +274,9 @@ def _better_fit(search: Search, table: Standing, families: int, named: Set, leas
 def _displaces(search: Search, table: Standing, other: Set, named: Set) -> bool:
     """Whether a set that does without one of the named effects has so much better odds that this casts doubt on it.
 
-    A known value that is moved in place of an effect, by that set or without any effect, stands for it.
+    A known value that it moves in place of an effect stands for it.
     """
-    moved = far(search.fits[other], search.tolerance) | far(search.null, search.tolerance)
+    moved = far(search.fits[other], search.tolerance)
     without = any(not _moves_in_place_of(moved, effect) for effect in named - other)
     return without and table.of(other) - table.of(named) > DISPLACED
 

@@ -214,8 +214,8 @@ def best_next_runs(
         orders = [len(data)] * len(options)
         fit, noise = search.fits[chosen], search.problem.noise[0]
         forward = search.problem.forward
-        session = robot, dict(search.terms), noise, options, orders, fit.point, forward, known
-        problem, at = hypothetical(*session, from_poses=search.problem.open_ground)
+        given = robot, dict(search.terms), noise, options, orders, fit.point, forward, known
+        problem, at = hypothetical(*given, from_poses=search.problem.open_ground)
         views = {name: [from_rival(problem, at, rival)] for name, rival in rivals.items()}
         for name, rival in rivals.items():
             if not any(search.terms[effect].starts for effect in chosen ^ rival.fit.terms):
