@@ -238,14 +238,16 @@ def test_pixels_become_millimetres_by_a_ruler_or_by_the_distance_of_the_marks(me
 
 def test_poses_of_another_clock_are_measured_in_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
-    read = SimpleNamespace(table="table", zero_s=100.0, notes=lambda: ["a note"])
+    poses = pd.DataFrame({"time_s": [0.0, 9.0]})
+    read = SimpleNamespace(table=poses, zero_s=100.0, notes=lambda: ["a note"])
     monkeypatch.setattr(turning_tables, "read_poses", lambda _: read)
     monkeypatch.setattr(turning_tables, "poses_of", lambda table: table)
     monkeypatch.setattr(turning_tables, "in_recording_s", lambda at, zero: at - zero)
     monkeypatch.setattr(turning_tables, "_measured", lambda *given: asked.append(given))
     turning_tables._of_poses(Path("p.csv"), Request(start_s=101.5, right_rpm=4.0, tracks=Tracks()))
     head, table, request, lines, sigma = asked[0]
-    assert (head, table, lines, sigma) == ({"run": "p", "left_rpm": None, "right_rpm": 4.0}, "table", ["a note"], 0.0)
+    assert (head, lines, sigma) == ({"run": "p", "left_rpm": None, "right_rpm": 4.0}, ["a note"], 0.0)
+    assert table is poses
     assert (request.start_s, request.stop_s) == (1.5, None)
     with pytest.raises(InputError, match="holds poses; --scale-px"):
         turning_tables._of_poses(Path("p.csv"), Request(ruler=Ruler((0, 0, 9, 9), 1.0)))
