@@ -41,7 +41,6 @@ class Robot:
     viscous_N_s_m: float = 0.0  # force against the motion of the origin, over its speed
     towed_N: float = 0.0  # force against the motion of the origin, of something towed along there
     scrub_m: float = 0.0  # moment against the spin over the load
-    pull_N: tuple[float, float] = (0.0, 0.0)  # constant force along x and y of the world
     fading: float = 0.0  # share of friction lost over metres slid: outside the catalogue
     fading_m: float = 30.0
     flat: float = 0.0  # share of its load that one wheel (front left) loses once a turn: outside
@@ -71,8 +70,8 @@ def drive(robot: Robot, friction: float, surface_rad_s: Array, start: Array) -> 
         robot.friction_decrease, float(robot.slides),
     ])  # fmt: skip
     outer = np.array([
-        robot.mass_kg, robot.inertia_kg_m2, gx, gy, weight * robot.slope[0] + robot.pull_N[0],
-        weight * robot.slope[1] + robot.pull_N[1], robot.viscous_N_s_m, robot.towed_N, robot.scrub_m, robot.fading,
+        robot.mass_kg, robot.inertia_kg_m2, gx, gy, weight * robot.slope[0],
+        weight * robot.slope[1], robot.viscous_N_s_m, robot.towed_N, robot.scrub_m, robot.fading,
         robot.fading_m, robot.flat, robot.torque_Nm, robot.caster_N, weight,
     ])  # fmt: skip
     return _drive(wheels, loads, radii, law, outer, surface_rad_s, start.astype(float))

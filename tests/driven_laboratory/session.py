@@ -1,4 +1,4 @@
-"""Recordings of a robot of 0.2 to 1.2 m that nobody measured: what is true, what is written about it, and its logs.
+"""Recordings of a robot with a wheelbase of 0.15 to 0.7 m: what is true, what is written about it, and its logs.
 
 Drawn from a seed alone. A recording is a log of commanded wheel speeds in steps of 1.5 to 5 s and poses at 10 to 50 Hz
 with white and slow noise. Between recordings friction varies by 3 %; stamps of commands and poses agree to 15 ms, and
