@@ -79,11 +79,6 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _is_off(item: dict[str, Any]) -> bool:
-    """Whether a value with a tolerance is said to be off: by more than three tolerances."""
-    return abs(item["found"]) > 3 * item["taken"] > 0
-
-
 def _holds(name: str, spread: dict[str, Any], true: float) -> bool:
     """Whether the 95 % interval of a parameter holds its true value; an angle in any turn."""
     turns = 360.0 * np.arange(-1, 2) if name == "azimuth_deg" else np.zeros(1)

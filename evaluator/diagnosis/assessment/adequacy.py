@@ -303,9 +303,9 @@ def dependence(
     """
     seen = share > LEAST_SHARE
     weight = np.sqrt(share[seen])
-    in_parts = recordings is not None and len(set(recordings)) < len(recordings)
-    own = recordings[seen] if recordings is not None and in_parts else np.zeros(int(seen.sum()))
-    means = (own[:, None] == np.unique(own)).astype(np.float64)
+    whole = recordings is None or len(set(recordings)) == len(recordings)
+    own = np.zeros(len(share)) if recordings is None or whole else recordings
+    means = (own[seen, None] == np.unique(own[seen])).astype(np.float64)
     design = np.column_stack([means, known[seen]]) * weight[:, None]
     tested, freedom = known.shape[1], len(design) - design.shape[1]
     if freedom < FEWEST_FREEDOM or np.linalg.matrix_rank(design) < design.shape[1]:

@@ -278,36 +278,29 @@ def test_a_log_has_the_true_clock_from_its_zero_on(first_s: float) -> None:
     np.testing.assert_allclose(marks, whole[1:], atol=2e-4)
 
 
-def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_its_first_frame() -> None:
-    """Of a robot that slides for a fifth of a second until it has gathered speed."""
-    slip = BARREL.slip.model_copy(update={"longitudinal_friction": 1e-3, "lateral_friction": 2e-3})
+@pytest.mark.parametrize(
+    ("friction", "run_in", "begin"),
+    [
+        (1e-3, None, State(*POSE)),  # it slides for a fifth of a second until it has gathered speed
+        (1e-4, (1.0, 0.5, 0.4), State(*POSE, 1.0, 0.5 - 0.4 * -1.55, 0.4)),  # so long that it remembers; of the centre
+    ],
+    ids=["from rest", "as measured at the midpoint of the marks"],
+)
+def test_a_run_that_does_not_start_at_rest_has_the_velocity_of_its_command_at_its_first_frame(
+    friction: float, run_in: tuple[float, float, float] | None, begin: State
+) -> None:
+    slip = BARREL.slip.model_copy(update={"longitudinal_friction": friction, "lateral_friction": 2 * friction})
     body, magnets = BARREL.body.model_copy(update={"mass_g": 50.0}), type(BARREL.magnetic_attraction)()
     slippery = BARREL.model_copy(update={"slip": slip, "body": body, "magnetic_attraction": magnets})
     command = Command.always(LEFT, RIGHT)
-    moving = replace(RUN, log=RunCommand(command, starts_at_rest=False), start_s=0.0, systematic={})
-    resting = replace(moving, log=RunCommand(command))
-    simulated = Simulated([slippery] * 2, [moving, resting], {})
-    of_moving, of_resting = simulated.marks([task(), replace(task(), run=1)])
-    start = moving_state(slippery, command, State(*POSE), -1e-3)
-    run = simulate(slippery, command, np.concatenate([[-1e-3], TIME]), start, run_index=3)
-    agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_resting)
-
-
-def test_a_run_in_begins_with_the_measured_velocity_of_the_midpoint_of_the_marks() -> None:
-    """Of a robot that slides so long that it has not forgotten it when the recording begins."""
-    slip = BARREL.slip.model_copy(update={"longitudinal_friction": 1e-4, "lateral_friction": 2e-4})
-    body, magnets = BARREL.body.model_copy(update={"mass_g": 50.0}), type(BARREL.magnetic_attraction)()
-    slippery = BARREL.model_copy(update={"slip": slip, "body": body, "magnetic_attraction": magnets})
-    command = Command.always(LEFT, RIGHT)
-    run_in = (1.0, 0.5, 0.4)
-    moving = replace(RUN, log=RunCommand(command, starts_at_rest=False), start_s=0.0, systematic={}, run_in=run_in)
-    resting = replace(moving, run_in=None)
-    simulated = Simulated([slippery] * 2, [moving, resting], {})
-    of_moving, of_resting = simulated.marks([task(), replace(task(), run=1)])
-    begin = State(*POSE, 1.0, 0.5 - 0.4 * -1.55, 0.4)  # of the centre, ahead of the marks
+    log = RunCommand(command, starts_at_rest=False)
+    moving = replace(RUN, log=log, start_s=0.0, systematic={}, run_in=run_in)
+    other = replace(moving, run_in=None) if run_in else replace(moving, log=RunCommand(command))
+    simulated = Simulated([slippery] * 2, [moving, other], {})
+    of_moving, of_other = simulated.marks([task(), replace(task(), run=1)])
     start = moving_state(slippery, command, begin, -1e-3)
     run = simulate(slippery, command, np.concatenate([[-1e-3], TIME]), start, run_index=3)
-    agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_resting)
+    agree(of_moving, marks_of_run(slippery, run).to_numpy()[1:, 1:], of_other)
 
 
 def test_starts_are_aligned_with_the_first_part_of_every_run() -> None:
