@@ -10,16 +10,19 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.experiment import shortcomings
-from evaluator.diagnosis.inference.fit import EXPLAINED
+from evaluator.diagnosis.inference.fit import EXPLAINED, way_of_the_others
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.inference.search import Search
 from evaluator.diagnosis.likelihood.jumps import BENT
 from evaluator.diagnosis.likelihood.point import Column, Point
 from evaluator.diagnosis.likelihood.problem import Problem
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs
+
+Floats = NDArray[np.float64]
 
 # Share by which the slopes of a run change within one step of all values that any model has; a step of a friction is a
 # hundredth of its usual tolerance. Of the runs of five experiments two turns reached 0.9 and 1.3, on a plate with a
@@ -30,6 +33,10 @@ DIVERGES = 0.5
 STANDS_OUT = 10.0
 # Fits at which runs are suspected: where none converges, a run is on its other path at some of them, but not at all.
 TRIED = 3
+# Halvings of the way between two points of the parameters, and the share of the change of a run's motion over the whole
+# way from which it changes by so much within the last part. Where a robot of a log has two turns to choose from, the
+# shares were 0.9 to 1.0, and 0.01 to 0.33 of ten other parts, five of which obstructed a fit as well.
+HALVINGS, JUMPS = 6, 0.5
 DIVERGING = (
     "its motion diverges: a change of friction, or of another value of the model, far below what is known of it leads "
     "to another path, so that the run shows nothing about the model"
@@ -88,6 +95,47 @@ def suspected_runs(search: Search) -> list[int]:
             found.update(_diverging_at(problem, point, fit.columns, range(len(data))))
     found |= {k for k in range(len(data)) if any(has_similar_runs(data[k], [data[run]]) for run in found)}
     return sorted(found) if 2 * len(found) <= len(data) and _suffice_without(problem, found) else []
+
+
+def jumping_runs(search: Search) -> list[int]:
+    """Indices of the runs that keep a fit from where the others lead it, because their motion jumps on the way there.
+
+    A robot that has two turns to choose from takes one or the other by a change of a thousandth, and a part of a
+    recording that takes the other one outweighs all that the others tell: one of 36 parts kept a drag, which explains
+    the others to their noise, at nothing. None if more than half of the runs jump, or too few are left.
+    """
+    problem = search.problem
+    found: set[int] = set()
+    for fit in search.initial(TRIED):
+        smooth = [search.terms[effect] for effect in sorted(fit.terms) if not search.terms[effect].stepwise]
+        led = way_of_the_others(problem, fit, smooth, search.tolerance)
+        if led is not None:
+            found.update(run for run in led[0] if _jumps(problem, fit, led[1], run))
+    return sorted(found) if 2 * len(found) <= len(problem.data) and _suffice_without(problem, found) else []
+
+
+def _jumps(problem: Problem, fit: Fit, there: Point, run: int) -> bool:
+    """Whether the motion of a run changes by JUMPS of its whole change within a small part of the way to a point."""
+    start = fit.linearized[fit.runs.index(run)].start
+    basis = np.linalg.qr(start)[0]
+    here, goal = (np.array([point.value(column) for column in fit.columns]) for point in (fit.point, there))
+
+    def seen(share: float) -> Floats:
+        (found,) = problem.features([fit.point.at(fit.columns, here + share * (goal - here)).task(run)])
+        return np.asarray(found - basis @ (basis.T @ found))
+
+    begin, end = 0.0, 1.0
+    before, after = seen(begin), seen(end)
+    whole = change = float(np.linalg.norm(after - before))
+    for _ in range(HALVINGS):
+        share = (begin + end) / 2
+        middle = seen(share)
+        first, second = (float(np.linalg.norm(middle - side)) for side in (before, after))
+        if first > second:
+            end, after, change = share, middle, first
+        else:
+            begin, before, change = share, middle, second
+    return whole > BENT and change > JUMPS * whole
 
 
 def _suffice_without(problem: Problem, runs: Collection[int]) -> bool:

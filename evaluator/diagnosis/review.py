@@ -18,6 +18,7 @@ from evaluator.diagnosis.assessment.gap import (
     grown_gap,
     noise_floor,
     not_shrunk,
+    other_turns,
     predicted_gaps,
     run_gaps,
 )
@@ -59,7 +60,8 @@ def reviewed(found: Diagnosis) -> Diagnosis:
     after_mm, floor_mm = run_gaps(problem, after, runs), noise_floor(problem, runs)
     # by the model of all runs, because fitted runs without a command determine its gap less well
     placed = _placed(found, fit)
-    outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest_followed(problem, runs)).tolist())
+    farthest = farthest_followed(problem, runs)
+    outlying = tuple(np.flatnonzero(run_gaps(problem, placed, runs) > farthest).tolist())
     follows = len(outlying) <= most_odd(len(runs))
     # friction and gains of each run are meaningless if the model does not explain the marks
     before = place_starts(by_marks, Point(after.per_run) if follows else found.nominal, runs)
@@ -84,7 +86,14 @@ def reviewed(found: Diagnosis) -> Diagnosis:
         for robots in (session.robots, [corrected_robot(robot, terms, gap_fit.point) for robot in session.robots])
     )
     lost = lost_before | lost_after
-    gap = Gap(run_gaps(problem, as_recorded, runs), after_mm, floor_mm, before_mm, predicted_mm, lost)
+    if problem.open_ground:
+        turned = other_turns(before_mm, predicted_mm)
+        before_mm[list(turned)] = predicted_mm[list(turned)] = np.nan
+        lost = lost | turned
+    as_recorded_mm = run_gaps(problem, as_recorded, runs)
+    missed = outlying if problem.open_ground and follows else ()
+    elsewhere = tuple(run for run in missed if as_recorded_mm[run] > farthest[run])
+    gap = Gap(as_recorded_mm, after_mm, floor_mm, before_mm, predicted_mm, lost, elsewhere)
     found = replace(
         found,
         gap=gap.answered(added=bool(chosen)),

@@ -51,20 +51,24 @@ def null_on_ground(ready: Prepared) -> Search:
     return found
 
 
-def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Search]:
+def singles_on_ground(ready: Prepared, progress: Progress) -> Search:
+    """A search over single effects and free-form terms on the runs that are searched."""
+    whole = Search(ready.problem, ready.terms, ready.tolerance, searched_runs(ready.problem.data), asked=ready.own)
+    whole.fits[frozenset()] = fit_model(whole.problem, ready.start, [], whole.tolerance, whole.runs)
+    _grown(whole, len(ready.free), 0, progress)
+    return whole
+
+
+def searched_on_ground(singles: Search, ready: Prepared, progress: Progress) -> tuple[Search, Search]:
     """Searches on the runs that are not held out, and on all deciding runs; both are the same for a long session.
 
-    In the first only the null is fitted, unless both are the same.
+    singles: see singles_on_ground. In the first only the null is fitted, unless both are the same.
     """
     families, data = len(ready.free), ready.problem.data
     deciding = deciding_runs(data)
-    whole = Search(ready.problem, ready.terms, ready.tolerance, searched_runs(data), asked=ready.own)
-    whole.fits[frozenset()] = fit_model(whole.problem, ready.start, [], whole.tolerance, whole.runs)
-    for size, (count, additions) in enumerate(GROWN):
-        progress(f"{size + 1} effects", 0.1 + 0.2 * size)
-        grow(whole, families, size, count, additions)
-        if size < DRIVES:
-            try_drives(whole, families, size)
+    whole = _settled(singles, families) or singles
+    for size in range(1, len(GROWN)):
+        _grown(whole, families, size, progress)
         whole = _settled(whole, families) or whole
     for number in range(ROUNDS):
         progress("other effects in place of each", 0.7 + 0.08 * number)
@@ -82,6 +86,14 @@ def searched_on_ground(ready: Prepared, progress: Progress) -> tuple[Search, Sea
     part = whole.anew(runs=fitted_runs(data))
     part.fits[frozenset()] = fit_model(part.problem, whole.null.point, [], part.tolerance, part.runs)
     return part, whole
+
+
+def _grown(search: Search, families: int, size: int, progress: Progress) -> None:
+    """Fit sets with one effect more than a size."""
+    progress(f"{size + 1} effects", 0.1 + 0.2 * size)
+    grow(search, families, size, *GROWN[size])
+    if size < DRIVES:
+        try_drives(search, families, size)
 
 
 def grow(search: Search, families: int, size: int, count: int, additions: int) -> None:

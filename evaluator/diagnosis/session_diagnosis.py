@@ -12,7 +12,7 @@ from evaluator.diagnosis.assessment.relevance import without_cancelling
 from evaluator.diagnosis.changes.parted_session import parted
 from evaluator.diagnosis.changes.stepped_values import with_changed_values
 from evaluator.diagnosis.deciding import decided
-from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, suspected_runs
+from evaluator.diagnosis.diverging_runs import DIVERGING, diverging_runs, jumping_runs, suspected_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.fitted_model import Fit
@@ -21,7 +21,7 @@ from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
-from evaluator.diagnosis.search_ground import null_on_ground, searched_on_ground
+from evaluator.diagnosis.search_ground import null_on_ground, searched_on_ground, singles_on_ground
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
@@ -91,10 +91,12 @@ def _searched(
     ready = prepared(session, progress, fits)
     free, imitating = ready.free, ""
     if ready.problem.open_ground:
-        is_known = DIVERGING in session.left_out.values()
-        if not is_known and (odd := diverging_runs(null_on_ground(ready))):
+        null = null_on_ground(ready)
+        odd = [] if DIVERGING in session.left_out.values() else diverging_runs(null)
+        singles = None if (odd := odd or jumping_runs(null)) else singles_on_ground(ready, progress)
+        if singles is None or (odd := jumping_runs(singles)):
             return _searched(session.leaving_out(odd, DIVERGING), progress, fits)
-        part, whole = searched_on_ground(ready, progress)
+        part, whole = searched_on_ground(singles, ready, progress)
         unrefined = part
     else:
         part = search_named(ready, progress, seeds)

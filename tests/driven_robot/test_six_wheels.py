@@ -14,7 +14,7 @@ from evaluator.diagnosis.candidates.free_form import free_terms
 from evaluator.diagnosis.experiment import session_of
 from evaluator.diagnosis.likelihood.preparation import build_problem
 from evaluator.diagnosis.likelihood.simulation import Simulated
-from evaluator.diagnosis.search_ground import searched_on_ground
+from evaluator.diagnosis.search_ground import searched_on_ground, singles_on_ground
 from evaluator.diagnosis.search_input import Prepared
 from evaluator.progress import no_progress
 from evaluator.settings import load_experiment
@@ -61,7 +61,8 @@ def test_late_motors_are_found_beside_the_mixing_of_sides_with_their_sizes(tmp_p
     terms = {name: term for name, term in named_terms(5e3, (30.0,), size=size).items() if name in named}
     terms[MIXED] = free_terms(size)[MIXED]
     problem, start = build_problem(session.data, Simulated(session.robots, session.data, terms))
-    part, search = searched_on_ground(Prepared(problem, start, {}, terms), no_progress)
+    ready = Prepared(problem, start, {}, terms)
+    part, search = searched_on_ground(singles_on_ground(ready, no_progress), ready, no_progress)
     assert set(part.runs) < set(search.runs)
     table = standing(search, families=1)
     best = next(ids for ids in table.sets if pays(search, table, 1, ids))  # viscous-drag beside them gains 4

@@ -121,6 +121,27 @@ def fit_model(
     return _with_shortfall(seen, end.shortfall)
 
 
+def way_of_the_others(
+    problem: Problem, fit: Fit, terms: Sequence[Candidate], tolerance: Mapping[str, float]
+) -> tuple[tuple[int, ...], Point] | None:
+    """The few runs that obstruct the steps of a fit that stalled, and the point to which the others lead.
+
+    terms: those of the fit that have a derivative. None if it promises little or more than a few runs obstruct it.
+    """
+    if fit.shortfall < STALLED:
+        return None
+    optimum = _optimum(fit, tolerance, np.array(np.inf))
+    obstructing = obstructing_runs(fit, optimum, full_step(problem, fit, optimum))
+    if not obstructing:
+        return None
+    others = [run for run in fit.runs if run not in obstructing]
+    fixed = {effect: fit.point.terms[effect] for effect in fit.terms - {term.id for term in terms}}
+    try:
+        return obstructing, fit_model(problem, fit.point, terms, tolerance, others, fixed).point
+    except FloatingPointError:
+        return None
+
+
 def _viewed(
     problem: Problem,
     point: Point,

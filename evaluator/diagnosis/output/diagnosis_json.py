@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evaluator.diagnosis.assessment.gap import rms
 from evaluator.diagnosis.assessment.knowledge import FINDING_SIGMAS
 from evaluator.diagnosis.assessment.relevance import Changes
 from evaluator.diagnosis.assessment.residuals.disagreeing_runs import NAMES, RunDisagreement, disagreeing_runs
@@ -227,7 +226,7 @@ def _gap(diagnosis: Diagnosis) -> GapContent:
     held = diagnosis.held_out
 
     def pair(values: Floats) -> PairContent:
-        return {"fit": rounded(rms(values, search.runs)), "held_out": rounded(rms(values, held))}
+        return {"fit": rounded(gap.rms(values, search.runs)), "held_out": rounded(gap.rms(values, held))}
 
     everything = range(len(ids))
     return {
@@ -237,7 +236,8 @@ def _gap(diagnosis: Diagnosis) -> GapContent:
         "after": pair(gap.after_mm),
         "predicted": {"before": pair(gap.predicted_before_mm), "after": pair(gap.predicted_after_mm)},
         "not_predicted": {ids[run]: reason for run, reason in sorted(gap.not_predicted.items())},
-        "noise_floor": rounded(rms(gap.floor_mm, everything)),
+        "elsewhere": [ids[run] for run in gap.elsewhere],
+        "noise_floor": rounded(gap.rms(gap.floor_mm, everything)),
         "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
         if math.isfinite(diagnosis.confirmation)
         else None,

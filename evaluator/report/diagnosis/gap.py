@@ -35,6 +35,8 @@ def gap_sentence(content: Json) -> str:
     # without an estimate of run-to-run scatter, as on open ground, the noise is the residual of the best model
     has_scatter = (content.get("noise") or {}).get("run_to_run", True)
     noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
+    if lost := gap.get("elsewhere"):
+        noise = f"{noise}; without {', '.join(lost)}, which neither model follows"
     if not again:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
     effects = content.get("effects") or []

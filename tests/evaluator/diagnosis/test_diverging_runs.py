@@ -189,3 +189,56 @@ def test_none_is_suspected_on_open_ground_or_beside_a_model_that_explains_or_if_
 
 def test_none_is_suspected_without_which_too_few_runs_are_left() -> None:
     assert diverging_runs.suspected_runs(search_of([1.0] * 2, [9.0, 0.0])) == []
+
+
+def jumping(
+    monkeypatch: pytest.MonkeyPatch, turns_at: list[float], *, obstructing: tuple[int, ...] = (0, 1), size: float = 9.0
+) -> list[int]:
+    """Runs found to jump between masses of 2 and 4: each changes its motion by size, half evenly and half at one mass.
+
+    turns_at: that mass of each run; not a number for a run that changes evenly altogether.
+    """
+    runs = len(turns_at)
+
+    def features(tasks: list[Task]) -> list[np.ndarray]:
+        shares = [(task.nominal[MASS] - 2.0) / 2.0 for task in tasks]
+        at = [turns_at[task.run] for task in tasks]
+        parts = [
+            share if np.isnan(mass) else 0.4 * share + 0.6 * (task.nominal[MASS] > mass)
+            for task, share, mass in zip(tasks, shares, at, strict=True)
+        ]
+        return [size * part * np.eye(5)[4] + 99 * part * START[:, 0] for part in parts]
+
+    search = search_of([1.0] * runs, [0.0] * runs, open_ground=True)
+    search.problem.features = features
+    search.terms, search.tolerance = {"drift": DRIFT}, {"known": 1.0}
+    (best,) = search.fits.values()
+    best.terms, best.columns = frozenset({"drift"}), (COLUMN, EFFECT)
+    best.linearized = [Linearized(np.zeros(5), np.zeros((5, 0)), START, np.zeros((5, 4)))] * runs
+    there = replace(best.point, nominal={MASS: 4.0})
+
+    def led(problem: Any, fit: Any, terms: Any, tolerance: Any) -> Any:
+        assert (problem, fit, list(terms), tolerance) == (search.problem, best, [DRIFT], {"known": 1.0})
+        return (obstructing, there) if obstructing else None
+
+    monkeypatch.setattr(diverging_runs, "way_of_the_others", led)
+    return diverging_runs.jumping_runs(search)
+
+
+@pytest.mark.parametrize("mass", [2.001, 2.6, 3.3, 3.999])
+def test_a_run_that_keeps_a_fit_from_the_way_of_the_others_jumps_if_it_takes_another_turn_on_it(
+    monkeypatch: pytest.MonkeyPatch, mass: float
+) -> None:
+    """Wherever that is on the way; a run that bends evenly does not, nor one that does not obstruct the fit."""
+    assert jumping(monkeypatch, [mass, np.nan, mass, mass, np.nan]) == [0]
+    assert jumping(monkeypatch, [np.nan, mass, mass, mass, np.nan]) == [1]
+
+
+def test_no_run_jumps_by_less_than_it_tells_or_with_most_others_or_where_none_obstructs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert jumping(monkeypatch, [2.6, np.nan, np.nan], size=0.1) == []
+    assert jumping(monkeypatch, [2.6, 2.6, np.nan, np.nan]) == [0, 1]
+    assert jumping(monkeypatch, [2.6, 2.6, np.nan]) == []
+    assert jumping(monkeypatch, [2.6, np.nan, np.nan], obstructing=()) == []
+    assert jumping(monkeypatch, [2.6, np.nan], obstructing=(0,)) == []  # a single run is left

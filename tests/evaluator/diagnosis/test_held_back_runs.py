@@ -12,7 +12,7 @@ import pytest
 from evaluator.diagnosis.inference import fit as fits
 from evaluator.diagnosis.inference.descent import steps
 from evaluator.diagnosis.inference.descent.steps import full_step, obstructing_runs, settled_at
-from evaluator.diagnosis.inference.fit import _fitted, _led_by_others
+from evaluator.diagnosis.inference.fit import _fitted, _led_by_others, way_of_the_others
 from evaluator.diagnosis.inference.fitted_model import Fit
 from evaluator.diagnosis.likelihood.point import Column, Point
 from simulator.effects.coordinates import Candidate, Coordinate
@@ -112,6 +112,36 @@ def test_others_are_fitted_alone_and_their_steps_are_counted(monkeypatch: pytest
     point, count = _led_by_others(*arguments, (4, 9))
     assert (point and point.terms, count) == (fit_at(1.0).point.terms, 3)
     assert asked == [(tuple(run for run in RUNS if run not in (4, 9)), False)]
+
+
+def test_a_fit_that_promises_much_is_led_by_the_runs_that_do_not_obstruct_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On open ground such a fit ends; its steps, and values of terms without a derivative, stay those of the fit."""
+    obstructing, failing, asked = [(4, 9)], [False], []
+
+    def fitted(_: Any, start: Point, terms: Any, tolerance: Any, runs: Any, fixed: Any) -> Fit:
+        asked.append((start, terms, tolerance, tuple(runs), fixed))
+        if failing[0]:
+            raise FloatingPointError
+        return fit_at(1.0)
+
+    monkeypatch.setattr(fits, "_optimum", lambda fit, tolerance, most: (fit, tolerance, most))
+    monkeypatch.setattr(fits, "full_step", lambda *_: "full")
+    monkeypatch.setattr(fits, "obstructing_runs", lambda _, __, full: obstructing[0] if full == "full" else ())
+    monkeypatch.setattr(fits, "fit_model", fitted)
+    fit, line = replace(fit_at(0.0), shortfall=fits.STALLED), SimpleNamespace(id="line")
+    problem: Any = SimpleNamespace()
+    runs, point = way_of_the_others(problem, fit, [line], {"k": 1.0}) or ((), None)  # type: ignore[list-item]
+    assert (runs, point and point.terms) == ((4, 9), fit_at(1.0).point.terms)
+    others = tuple(run for run in RUNS if run not in (4, 9))
+    assert asked == [(fit.point, [line], {"k": 1.0}, others, {})]
+    assert way_of_the_others(problem, fit, [], {}) is not None
+    assert asked[-1][-1] == {"line": fit.point.terms["line"]}
+    failing[0] = True
+    assert way_of_the_others(problem, fit, [], {}) is None
+    obstructing[0], failing[0] = (), False
+    assert way_of_the_others(problem, fit, [], {}) is None
+    obstructing[0] = (4,)
+    assert way_of_the_others(problem, replace(fit, shortfall=fits.STALLED - 0.1), [], {}) is None
 
 
 def test_fit_goes_on_from_the_point_of_the_others_once(monkeypatch: pytest.MonkeyPatch) -> None:

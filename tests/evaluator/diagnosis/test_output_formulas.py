@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -70,6 +71,14 @@ def test_gaps_are_those_of_fitted_and_of_held_out_runs(gain: float, sigmas: floa
     assert said["held_out_gain_sigmas"] == sigmas
     assert said["by_run"]["r1"] == {"before": 4.0, "after": 0.4, "noise_floor": 0.1}
     assert said["not_predicted"] == {"r1": "it turns over"}
+    assert said["elsewhere"] == []
+    found.gap = replace(gap, elsewhere=(1,))
+    said = diagnosis_json._gap(found)
+    assert (said["elsewhere"], said["before"]["fit"], said["noise_floor"]) == (
+        ["r1"],
+        3.0,
+        pytest.approx(0.158, abs=1e-3),
+    )
 
 
 def test_noise_of_a_mark_is_that_of_the_midpoint_of_two_without_their_common_drift() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis import review
+from evaluator.diagnosis.assessment.gap import other_turns
 from evaluator.diagnosis.likelihood.point import Point
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.settings import Relevant
@@ -31,19 +32,22 @@ def reviewed(
     of_robot: bool = True,
     after_changes: str | None = None,
     by_rival: bool = False,
+    open_ground: bool = False,
+    before_mm: float = 9.0,
+    predicted_mm: tuple[float, float, float, float] = (5.0, 5.0, 5.0, 5.0),
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """The review of an answer over four runs whose marks it misses by these gaps, and what it began from.
 
     A run counts as followed within 1 mm; one run of four may be odd.
     """
     session: Any = SimpleNamespace(data=(0,) * 4, robots=("robot",) * 4, known=(5,), one_frame=True)
-    problem: Any = SimpleNamespace(of_tracking=SimpleNamespace())
+    problem: Any = SimpleNamespace(of_tracking=SimpleNamespace(), open_ground=open_ground)
     fit = SimpleNamespace(point=FITTED, posterior=SimpleNamespace(scatter=np.ones(4)))
     part: Any = SimpleNamespace(problem=problem, fits={chosen: fit})
     everything: Any = SimpleNamespace(fits={chosen: fit})
     began: dict[str, Any] = {}
-    gaps = iter([np.array(gaps_mm), np.array(gaps_mm), np.full(4, 9.0)])
-    predicted = iter([(np.full(4, 5.0), {0: "before"}), (np.full(4, 4.0), {1: "after"})])
+    gaps = iter([np.array(gaps_mm), np.array(gaps_mm), np.full(4, before_mm)])
+    predicted = iter([(np.array(predicted_mm), {0: "before"}), (np.array(predicted_mm) - 1.0, {1: "after"})])
 
     def started(_: Any, point: Point, *__: Any) -> str:
         began["gap" if "before" in began else "before"] = point
@@ -105,6 +109,32 @@ def test_a_review_tells_the_gap_before_and_after_and_what_is_left(monkeypatch: p
     assert (found.pieces, found.pieces_after) == ("pieces of started", "pieces of the fit")
     assert (found.where, found.left) == (("most of pieces of started",), ("every of pieces of the fit",))
     assert (found.known, found.known_together) == ((SimpleNamespace(quantity="level"),), "together")
+
+
+def test_on_open_ground_a_run_that_took_another_turn_counts_in_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither refitted, where no model follows it, nor predicted, where both predictions are ten times as far off."""
+    gaps = [0.2, 0.3, 1.1, 0.2]
+    found, _ = reviewed(monkeypatch, gaps, open_ground=True, predicted_mm=(5.0, 5.0, 5.0, 42.0))
+    assert found.gap is not None
+    assert (found.gap.elsewhere, found.outlying) == ((2,), (2,))
+    assert found.gap.not_predicted == {
+        0: "before", 1: "after", 3: "the prediction takes another turn, 41 mm away, before and after",
+    }  # fmt: skip
+    assert np.isnan([found.gap.predicted_before_mm[3], found.gap.predicted_after_mm[3]]).all()
+    assert found.gap.predicted_after_mm[:3].tolist() == [4.0] * 3
+    assert found.gap.rms(found.gap.after_mm, range(4)) == pytest.approx(np.sqrt((0.2**2 + 0.3**2 + 0.2**2) / 3))
+    for changes in ({}, {"open_ground": True, "before_mm": 0.9}):  # a plate; a run that the effect loses
+        found, _ = reviewed(monkeypatch, gaps, **changes)  # type: ignore[arg-type]
+        assert found.gap is not None
+        assert found.gap.elsewhere == ()
+
+
+def test_a_prediction_takes_another_turn_if_it_is_ten_times_as_far_off_as_most_before_and_after() -> None:
+    before, after = np.array([1.0, 2.0, 3.0, 19.0, 30.0, 99.0]), np.array([1.0, 2.0, 50.0, 30.0, 21.0, np.nan])
+    assert list(other_turns(before, after)) == []  # three is usual
+    after[2:4] = 2.0
+    assert list(other_turns(before, after)) == [4]  # two is
+    assert other_turns(np.full(2, np.nan), np.full(2, np.nan)) == {}
 
 
 def test_values_of_a_model_that_misses_more_runs_than_may_be_odd_mean_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -233,7 +233,11 @@ def test_a_search_on_ground_grows_settles_its_noise_and_exchanges_in_this_order(
     )
 
     monkeypatch.setattr(Search, "null", property(lambda _: SimpleNamespace(point="null point")))
-    part, whole = search_ground.searched_on_ground(ready, lambda _, share, *__: shares.append(share))
+
+    def told(_: str, share: float, *__: float) -> None:
+        shares.append(share)
+
+    part, whole = search_ground.searched_on_ground(search_ground.singles_on_ground(ready, told), ready, told)
     order = [
         ("null", problem, runs.get("searched", (0, 1, 2))),
         *(("grow", 0, 1, 7), ("try_drives", 0), ("settled", None)),

@@ -42,7 +42,8 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     whole: Any = SimpleNamespace(problem="problem of all")
     results = {
         "search_named": NAMED, "refined": part, "fit_on_all_runs": whole, "challenge_with_free_terms": None,
-        "null_on_ground": "null", "searched_on_ground": (part, whole), "separations": {"a": {}},
+        "null_on_ground": "null", "singles_on_ground": "singles", "searched_on_ground": (part, whole),
+        "separations": {"a": {}},
         "profiles_of": {"a": "profile"},
         "fitted_where_absent": False,
     }  # fmt: skip
@@ -56,6 +57,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(module, "reviewed", lambda found: found)
     monkeypatch.setattr(module, "_with_changed_values", lambda found, *_: found)
     monkeypatch.setattr(module, "diverging_runs", lambda _: [])
+    monkeypatch.setattr(module, "jumping_runs", lambda _: [])
     monkeypatch.setattr(module, "suspected_runs", lambda _: [])
     monkeypatch.setattr(module, "_in_parts", lambda found, _: steps.append(("_in_parts", found)) or found)
     return steps
@@ -78,12 +80,11 @@ def answering(monkeypatch: pytest.MonkeyPatch, verdict: str, *, open_ground: boo
 
 
 NAMED: Any = SimpleNamespace(name="named", diverging=(), explained=-np.inf)  # a search
+ON_GROUND = ["null_on_ground", "singles_on_ground", "searched_on_ground"]
 ON_PLATE = ["search_named", "refined", "fit_on_all_runs", "challenge_with_free_terms"]
 
 
-@pytest.mark.parametrize(
-    ("open_ground", "steps"), [(False, ON_PLATE), (True, ["null_on_ground", "searched_on_ground"])]
-)
+@pytest.mark.parametrize(("open_ground", "steps"), [(False, ON_PLATE), (True, ON_GROUND)])
 @pytest.mark.parametrize("verdict", ["effect", "unknown"])
 def test_a_plate_is_searched_by_names_first_and_open_ground_by_names_and_forms_at_once(
     open_ground: bool, steps: list[str], verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch
@@ -160,18 +161,23 @@ def test_runs_that_diverge_are_left_out_and_the_others_searched_from_the_fits_so
     assert [run.id for run in found.session.data] == ["r0", "r1", "r3"]
 
 
-def test_parts_that_diverge_are_left_out_once_before_open_ground_is_searched(
+def test_parts_that_diverge_are_left_out_before_open_ground_is_searched(
     done: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Those that jump, at the model without effects or at one with a single one, as often as they are found."""
     answering(monkeypatch, "none", open_ground=True)
     asked: list[Any] = []
+    jumps = iter([[2], [], [0], [], []])
     monkeypatch.setattr(module, "diverging_runs", lambda null: asked.append(null) or [1])
-    session = replace(session_of(4), robots=("a", "b", "c", "d"))  # type: ignore[arg-type]
+    monkeypatch.setattr(module, "jumping_runs", lambda search: asked.append(f"{search}, jumping") or next(jumps))
+    session = replace(session_of(6), robots=tuple("abcdef"))  # type: ignore[arg-type]
     found = diagnosed(session, no_progress, None)  # type: ignore[arg-type]
-    assert [step for step, *_ in done if step != "_in_parts"] == ["null_on_ground", "searched_on_ground"]
-    assert asked == ["null"]
-    assert [run.id for run in found.session.data] == ["r0", "r2", "r3"]
-    assert found.session.left_out == {"r1": DIVERGING}
+    steps = [step for step, *_ in done if step != "_in_parts"]
+    assert steps == [*["null_on_ground"] * 2, *ON_GROUND[:2], *ON_GROUND]
+    assert asked == ["null", *["null, jumping"] * 2, "singles, jumping", "null, jumping", "singles, jumping"]
+    assert next(given for step, *given in done if step == "searched_on_ground")[0] == "singles"
+    assert [run.id for run in found.session.data] == ["r2", "r4", "r5"]
+    assert found.session.left_out == dict.fromkeys(["r1", "r3", "r0"], DIVERGING)
 
 
 @pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient", "stopped"])

@@ -45,6 +45,10 @@ LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
             {**FOUND, "noise": {"run_to_run": None}},
             f"With the effects found, {RMS} changes {BOTH}; {ON_GROUND}",
         ),
+        (
+            {**FOUND, "gap": {**GAP, "elsewhere": ["r3", "r5"]}},
+            f"With the effects found, {RMS} changes {BOTH}; {FLOOR[:-1]}; without r3, r5, which neither model follows.",
+        ),
         ({"verdict": "none", "gap": {}}, ""),
         ({"verdict": "none"}, ""),
     ],
