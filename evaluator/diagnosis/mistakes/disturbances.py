@@ -31,8 +31,7 @@ from evaluator.diagnosis.mistakes.motion import (
 )
 from evaluator.diagnosis.mistakes.outrun import BRIEF_S, PUSHED_SHARE, outruns_its_wheels, rolls_mm_s
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind
-from evaluator.diagnosis.mistakes.repainted import CHANGED_SHARE
-from evaluator.diagnosis.mistakes.spacing import Spacing, by_keystone, keystone_of, spacing
+from evaluator.diagnosis.mistakes.spacing import CHANGED_SHARE, Spacing, by_keystone, keystone_of, spacing
 from evaluator.interchange.commands import unsigned_rpm
 from evaluator.robot_geometry import stated_distances_mm
 from evaluator.robust import robust_sigma
@@ -43,7 +42,7 @@ from simulator.robot import Robot
 # Deviation of the distance of the marks in one run from that in the others. Marks that are painted anew for each run
 # err by some hundredths of a few millimetres, 1 to 2 %: four standard deviations, because any of two dozen runs may be
 # outlying, and three after correction for a keystone at its position. Where other runs at these places agree, the
-# marks are the same, and twice what another calibration changes (repainted.CHANGED_SHARE) is another robot. Six
+# marks are the same, and twice what another calibration changes (spacing.CHANGED_SHARE) is another robot. Six
 # standard deviations of the others lie between: they are known from few runs.
 ALONE_SHARE, SAME_SHARE, AFTER_KEYSTONE = 0.08, 2 * CHANGED_SHARE, 0.75
 OTHERS_SIGMAS, FEWEST_ALIKE = 6.0, 4

@@ -1,4 +1,8 @@
-"""Two groups of runs with different distances of the marks: repainted marks, another robot, or another calibration."""
+"""Two groups of runs with different distances of the marks: repainted marks, another robot, or another calibration.
+
+Marks glued on anew between two runs are no mistake: a diagnosis gives the later runs marks of their own
+(changes.stepped_values). A camera set up anew changes the speeds of the robot as well as the distance of its marks.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.likelihood.run_data import RunData
+from evaluator.diagnosis.mistakes.misread.command_unit import speeds_over_simulated
 from evaluator.diagnosis.mistakes.recognised import Found
-from evaluator.diagnosis.mistakes.spacing import PASSES, spacing
+from evaluator.diagnosis.mistakes.spacing import CHANGED_SHARE, PASSES, spacing
 from evaluator.robot_geometry import stated_distances_mm
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
 
 FEWEST_OF_GROUP = 2  # a single run is found by wrong_scale, at a larger deviation
-# Largest change of the distance of the marks if the camera is calibrated again: errors of its scale of 1e-3, and of the
-# lens of 8 µm per mark, which is 3e-3 of their 3.66 mm, in both calibrations; three standard deviations.
-CHANGED_SHARE = 0.0135
-# The same for runs that follow one another: errors of a lens differ with the place on the plate, and a change that is
-# the same for all runs before and after it is one of the scale; three standard deviations of two calibrations.
+# Largest change as spacing.CHANGED_SHARE for runs that follow one another: errors of a lens differ with the place on
+# the plate, and a change that is the same for all runs before and after it is one of the scale; three standard
+# deviations of two calibrations.
 RESCALED_SHARE = 0.0042
 APART = 2.0  # least ratio of the gap between two groups to their ranges; runs of one robot scatter evenly
+# Runs before and after from which on a change is one of the session, whose marks a diagnosis fits anew, and standard
+# deviations by which the speeds must change as well for one of the camera.
+FEWEST_OF_PART, SIGMAS = 3, 3.0
 # Runs from which on groups and a keystone are told apart: four unknowns, and as many more for the scatter about them.
 # Four runs always form two groups of no range with some keystone; fewer must form them without any, too.
 TELLING_RUNS = 8
@@ -56,17 +62,43 @@ def repainted_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
     raw = np.log([float(np.median(item.ratio)) for item in spacings])
     if between < least or (len(data) < TELLING_RUNS and _between(raw, larger) < least):
         return []
+    moved = at_once and _seen_otherwise(data, robots, larger, between)
+    if at_once and not moved and _glued_anew(robots, larger, between):
+        return []
     far = larger if abs(np.median(high)) > abs(np.median(low)) else ~larger
     if far.sum() > len(data) / 2 + 1e-9:
         far = ~far
     mine, others = (np.exp(np.median(share[part])) * np.median(np.array(lines_mm)[part]) for part in (far, ~far))
     runs = tuple(run.id for run, is_far in zip(data, far, strict=True) if is_far)
     words = f"their marks are {mine:.4g} mm apart, in the other runs {others:.4g} mm"
-    if between < CHANGED_SHARE:
+    if moved or between < CHANGED_SHARE:
         remedy = "was the camera moved or calibrated again, or were the marks repainted? Diagnose both groups apart"
         return [Found(run, "camera-moved", words, remedy, ("wrong-robot",), group=runs) for run in runs]
     remedy = "were they repainted? Give these runs a robot file of their own (robot, below the run)"
     return [Found(run, "wrong-robot", words, remedy, group=runs) for run in runs]
+
+
+def _glued_anew(robots: Sequence[Robot], larger: NDArray[np.bool_], change: float) -> bool:
+    """Whether a relative change of the distance, with enough runs before and after, is one that gluing makes.
+
+    Two marks have errors along their line before and after, each as large as their positions are known to.
+    """
+    lines_mm = zip(robots, stated_distances_mm(robots), strict=True)
+    sigma = max(2 * robot.known_to.mark_position_mm / line for robot, line in lines_mm)
+    return bool(min(larger.sum(), (~larger).sum()) >= FEWEST_OF_PART and change < SIGMAS * sigma)
+
+
+def _seen_otherwise(data: Sequence[RunData], robots: Sequence[Robot], larger: NDArray[np.bool_], change: float) -> bool:
+    """Whether the speeds of both groups differ significantly, and rather as the distances of their marks than not."""
+    ratio = np.log(speeds_over_simulated(data, robots))
+    groups = [ratio[part & np.isfinite(ratio)] for part in (larger, ~larger)]
+    if min(map(len, groups)) < FEWEST_OF_GROUP:
+        return False
+    of_speed = float(np.median(groups[0]) - np.median(groups[1]))
+    off = np.concatenate([np.abs(part - np.median(part)) for part in groups])
+    # of medians of normal numbers: 1.253 times the error of means, from their median deviation
+    error = 1.253 * 1.4826 * float(np.median(off)) * np.sqrt(sum(1 / len(part) for part in groups))
+    return bool(of_speed > max(change / 2, SIGMAS * error))
 
 
 def _between(values: Floats, larger: NDArray[np.bool_]) -> float:

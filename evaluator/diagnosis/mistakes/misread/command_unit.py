@@ -93,6 +93,11 @@ def _slipped(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
 
+def speeds_over_simulated(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:
+    """Measured over simulated speed (n,) of the middle of the marks along the robot; NaN if no phase shows it."""
+    return _all_shown(data, robots) / _slipped(data, robots)
+
+
 def _all_shown(data: Sequence[RunData], robots: Sequence[Robot]) -> Floats:
     return np.array([_shown(run, robot) for run, robot in zip(data, robots, strict=True)])
 
