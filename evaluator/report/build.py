@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from evaluator.files import write_text
-from evaluator.report.diagnosis.view import known_diagnosis
+from evaluator.report.diagnosis.view import OUTDATED, DiagnosisView, known_diagnosis
+from evaluator.report.diagnosis.words import as_sentence
 from evaluator.report.figures.trajectory import legend_of
 from evaluator.report.pages.html import Page, page_html
 from evaluator.report.player import player_data
@@ -20,16 +21,21 @@ from evaluator.workflow import Analysis
 from simulator.robot import Robot, load_robot
 
 
-def write_report(analysis: Analysis) -> None:
-    """Write report.html from an analysis with comparison, and from diagnosis.json if it exists."""
-    write_text(analysis.outputs.report, report_html(analysis))
+def write_report(analysis: Analysis) -> DiagnosisView | None:
+    """Write report.html from an analysis with comparison, and from diagnosis.json if it exists, which is returned."""
+    diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
+    write_text(analysis.outputs.report, _html(analysis, diagnosis))
+    return diagnosis
 
 
 def report_html(analysis: Analysis) -> str:
     """The page as text."""
+    return _html(analysis, known_diagnosis(analysis.experiment, analysis.outputs))
+
+
+def _html(analysis: Analysis, diagnosis: DiagnosisView | None) -> str:
     robot = load_robot(analysis.experiment.robot)
     runs = views_of(analysis, robot)
-    diagnosis = known_diagnosis(analysis.experiment, analysis.outputs)
     provenance = json.loads(analysis.outputs.provenance.read_text(encoding="utf-8"))
     right = [run for run in runs if run.run not in analysis.excluded_runs]
     page = Page(
@@ -37,6 +43,7 @@ def report_html(analysis: Analysis) -> str:
         title=analysis.experiment.name,
         facts=_facts(analysis, runs, robot),
         summary=(
+            *((as_sentence(OUTDATED),) if diagnosis and diagnosis.outdated else ()),
             *mistakes_first(analysis),
             *summary(right, analysis.faults, diagnosis.content if diagnosis else None, analysis.directions),
         ),

@@ -15,6 +15,7 @@ from evaluator.files.csv_tables import write_table
 from evaluator.progress import Progress, no_progress, part_way
 from evaluator.settings import Experiment, load_experiment
 from evaluator.workflow.execution.answers import answers_of
+from evaluator.workflow.results.belonging import claimed
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.provenance import write_provenance
 from evaluator.workflow.results.unchanged import AsFound
@@ -93,7 +94,7 @@ def analyze(
     listed in `faults` with its reason and does not stop the others.
     workers: processes, by default one per core; dask: address of a Dask scheduler whose workers see the same files
     under the same names. The results depend on neither. If cancelled, the results of completed runs are kept.
-    Raises InputError if the experiment or all of its runs cannot be used.
+    Raises InputError if the experiment or all of its runs cannot be used, or if out holds results of another one.
     """
     path = Path(experiment)
     as_found, text = AsFound.of([path]), read_with(_text_of, path)
@@ -103,8 +104,9 @@ def analyze(
     refuse_to_replace(inputs, outputs.of_analysis(run.id for run in described.run))
     as_found |= AsFound.of(inputs)
     jobs = jobs_of(described, outputs, simulate=simulate)
-    results = results_of(jobs, workers, dask, progress)
-    faults = _faults(described, results)
+    with claimed(outputs, described):
+        results = results_of(jobs, workers, dask, progress)
+        faults = _faults(described, results)
     turning = _turning(described, results, faults)
     write_table(turning, outputs.turning)
     comparison = None
@@ -150,8 +152,10 @@ def measure(
     """
     described, outputs = read_with(load_experiment, Path(experiment)), Outputs(Path(out))
     refuse_to_replace(input_files(described), outputs.of_analysis(run.id for run in described.run))
-    results = results_of(jobs_of(described, outputs, simulate=False), workers, progress=progress)
-    faults = _faults(described, results)
+    jobs = jobs_of(described, outputs, simulate=False)
+    with claimed(outputs, described):
+        results = results_of(jobs, workers, progress=progress)
+        faults = _faults(described, results)
     turning = _turning(described, results, faults)
     empty = turning.iloc[:0]
     reused = sum(result.reused for result in results.values())

@@ -23,8 +23,11 @@ def report(options: BatchOptions) -> int:
         return print_plan(options, simulate=True)
     found = run_analysis(options, simulate=True)
     from evaluator.report.build import write_report
+    from evaluator.report.diagnosis.view import OUTDATED
 
-    write_report(found)
+    diagnosis = write_report(found)
+    if diagnosis and diagnosis.outdated and not options.quiet:
+        click.echo(f"note: {OUTDATED}", err=True)
     if options.as_json:
         click.echo(json.dumps({"report": str(found.outputs.report), "faults": found.faults}, indent=1))
     elif not options.quiet:

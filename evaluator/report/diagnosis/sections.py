@@ -18,7 +18,7 @@ from evaluator.report.diagnosis.values import (
     sizes,
     value_text,
 )
-from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.view import OUTDATED, DiagnosisView
 from evaluator.report.diagnosis.words import (
     WITHOUT_EFFECTS,
     as_sentence,
@@ -65,7 +65,7 @@ def _verdict(view: DiagnosisView) -> Section:
     content = view.content
     text = [verdict_sentence(content), reason_sentence(content)]
     if view.outdated:
-        text.insert(0, "Recordings, robot or program changed after this diagnosis: run turnscope diagnose again.")
+        text.insert(0, as_sentence(OUTDATED))
     for effect in content.get("effects") or []:
         text += [together_sentence(effect), determined_sentence(effect), equivalents_sentence(effect)]
     text += [rivals_sentence(content), separations_sentence(content)]

@@ -14,6 +14,10 @@ from evaluator.settings import Experiment
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.runs.stored_diagnosis import earlier_diagnosis
 
+OUTDATED = (
+    "the diagnosis is out of date, because recordings, robot or program changed after it: run turnscope diagnose again"
+)
+
 
 @dataclass(frozen=True)
 class DiagnosisView:

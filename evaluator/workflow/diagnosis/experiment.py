@@ -27,6 +27,7 @@ from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.analysis import input_files, results_of
 from evaluator.workflow.execution.machine import available_cores
 from evaluator.workflow.execution.sharing import one_core
+from evaluator.workflow.results.belonging import claimed
 from evaluator.workflow.results.outputs import Outputs
 from evaluator.workflow.results.unchanged import CHANGED, AsFound
 from evaluator.workflow.runs.implausible import refuse_implausible
@@ -118,7 +119,8 @@ def diagnose_experiment(
     workers: processes that track recordings, and threads that simulate, by default one per core; dask: address of a
     scheduler whose workers track instead. The results depend on neither. A search that was stopped is continued by the
     next call. Returns the diagnosis, or None if the stored one is up to date, and the content of diagnosis.json.
-    Raises InputError if the experiment, a robot or all recordings cannot be used.
+    Raises InputError if the experiment, a robot or all recordings cannot be used, or if out holds results of another
+    experiment.
     """
     experiment, outputs = read_with(load_experiment, path), Outputs(Path(out))
     own = own_effect_ids(path, experiment, effects)
@@ -129,34 +131,35 @@ def diagnose_experiment(
     def key_now() -> str:
         return key_of_diagnosis(experiment, outputs, list(map(text_of, own)))
 
-    key, robot = key_now(), read_with(robot_text, Path(experiment.robot))
-    if is_current(outputs, key):
-        return None, load_diagnosis(outputs.diagnosis)
-    refuse_implausible(experiment)
-    session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
-    if (changed := read.changed()) and key_now() != key:
-        raise InputError(f"{changed[0]}: {CHANGED}")  # the key is not that of the content that was read
-    try:
-        with one_core():  # for libraries; the diagnosis distributes runs among threads
-            found = diagnose_session(
-                session,
-                progress,
-                FitCache(outputs.diagnosis_fits, key),
-                seconds=seconds,
-                cores=workers or available_cores(),
-            )
-    except FloatingPointError as error:
-        raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
-    content = record(found)
-    if own:
-        content["own_effects"] = {effect: str(file_of(effect) or INSTALLED) for effect in own}
-    if changed := read.changed():
-        content["changed_meanwhile"] = [str(file) for file in changed]
-    files = _written(found, content, robot, outputs)
-    if not found.stopped:
-        keep(outputs, key, files)
-        outputs.diagnosis_fits.unlink(missing_ok=True)
-    return found, dict(content)
+    with claimed(outputs, experiment):
+        key, robot = key_now(), read_with(robot_text, Path(experiment.robot))
+        if is_current(outputs, key):
+            return None, load_diagnosis(outputs.diagnosis)
+        refuse_implausible(experiment)
+        session = replace(_session(path, experiment, outputs, progress, workers, dask), own=own)
+        if (changed := read.changed()) and key_now() != key:
+            raise InputError(f"{changed[0]}: {CHANGED}")  # the key is not that of the content that was read
+        try:
+            with one_core():  # for libraries; the diagnosis distributes runs among threads
+                found = diagnose_session(
+                    session,
+                    progress,
+                    FitCache(outputs.diagnosis_fits, key),
+                    seconds=seconds,
+                    cores=workers or available_cores(),
+                )
+        except FloatingPointError as error:
+            raise InputError(f"{path}: {error}; are the robot file and the command of that run right?") from error
+        content = record(found)
+        if own:
+            content["own_effects"] = {effect: str(file_of(effect) or INSTALLED) for effect in own}
+        if changed := read.changed():
+            content["changed_meanwhile"] = [str(file) for file in changed]
+        files = _written(found, content, robot, outputs)
+        if not found.stopped:
+            keep(outputs, key, files)
+            outputs.diagnosis_fits.unlink(missing_ok=True)
+        return found, dict(content)
 
 
 def _written(found: Diagnosis, content: DiagnosisContent, robot: str, outputs: Outputs) -> list[Path]:

@@ -84,6 +84,11 @@ class Outputs:
         return self.folder / "records" / "_diagnosis-fits.jsonl"
 
     @property
+    def experiment(self) -> Path:
+        """To which experiment the results belong; no run id starts like this name."""
+        return self.folder / "records" / "_experiment.json"
+
+    @property
     def results(self) -> Path:
         """All tables and their provenance, for programs."""
         return self.folder / "results.json"
@@ -115,13 +120,14 @@ class Outputs:
     def of_analysis(self, runs: Iterable[str]) -> Iterator[Path]:
         """All files that an analysis or a comparison of these runs writes or removes."""
         yield from (self.turning, self.pooled, self.directions, self.comparison, self.provenance, self.report)
+        yield self.experiment
         for run in runs:
             yield from (self.marks(run), self.poses(run), self.simulated(run), self.thumbnails(run), self.record(run))
 
     def of_diagnosis(self) -> Iterator[Path]:
         """All files that a diagnosis writes or removes, apart from those of the analysis."""
         yield from (self.diagnosis, self.disagreement, self.robot_with_effect, *self.own_effects)
-        yield from (self.diagnosis_record, self.diagnosis_fits)
+        yield from (self.diagnosis_record, self.diagnosis_fits, self.experiment)
 
     def of_export(self, runs: Iterable[str]) -> Iterator[Path]:
         """All files that an export of these runs writes."""

@@ -14,6 +14,7 @@ import pytest
 from evaluator.cli.analysis import name_of, radius, runs_by_note
 from evaluator.cli.experiment.compare import comparison_text
 from evaluator.cli.measurement.analyze import turning_text
+from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.numbers import MILLIMETRES
 from evaluator.workflow.results.outputs import Outputs
 from tests.evaluator.cli.called import run
@@ -115,6 +116,17 @@ def test_a_report_is_written_of_what_was_analysed(asked: list[dict[str, Any]], f
     run("report", "e.toml")
     assert reports == [((found,), {})]
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize("outdated", [True, False])
+def test_a_report_with_a_diagnosis_of_earlier_inputs_is_written_with_a_note(
+    asked: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch, outdated: bool
+) -> None:
+    monkeypatch.setattr("evaluator.report.build.write_report", lambda _: DiagnosisView({}, None, outdated))
+    done = run("report", "e.toml")
+    assert ("note: the diagnosis is out of date" in done.stderr) is outdated
+    assert "out of date" not in run("report", "e.toml", "--quiet").stderr
+    assert len(asked) == 2
 
 
 def test_a_dash_in_place_of_a_radius_is_explained_in_a_line(found: Any) -> None:

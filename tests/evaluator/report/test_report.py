@@ -14,6 +14,7 @@ import pytest
 from evaluator.diagnosis.assessment.residuals.disagreement import COLUMNS, QUANTITIES
 from evaluator.files import write_text
 from evaluator.report.build import report_html
+from evaluator.report.diagnosis.view import DiagnosisView
 from evaluator.report.pages.colors import THEME
 from evaluator.templates.formats import PAGE
 from evaluator.templates.result_tables import DISAGREEMENT
@@ -115,6 +116,17 @@ def test_repetitions_and_directions_are_pooled_on_the_page(tmp_path: Path) -> No
 
 def test_the_same_results_give_the_same_page(analysis: Analysis, page: str) -> None:
     assert with_spaces(report_html(analysis)) == page
+
+
+def test_a_summary_with_a_diagnosis_of_earlier_inputs_says_so_first(
+    analysis: Analysis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The diagnosis of another experiment stood in the summary; a later section alone said that it was outdated."""
+    old = DiagnosisView({"format": 1, "verdict": "none", "effects": []}, None, outdated=True)
+    monkeypatch.setattr("evaluator.report.build.known_diagnosis", lambda *_: old)
+    first = re.search(r'<ul class="summary"><li>(.*?)</li>', report_html(analysis))
+    assert first is not None
+    assert first[1].startswith("The diagnosis is out of date, because recordings, robot or program changed after it")
 
 
 def test_straight_runs_alone_make_a_report_without_a_radius(tmp_path: Path) -> None:

@@ -168,5 +168,5 @@ def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_b
     assert "but not named: dead-band" in text
     assert "after this diagnosis" not in text
     (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=True))
-    assert "changed after this diagnosis" in verdict.text[0]
+    assert verdict.text[0].startswith("The diagnosis is out of date, because recordings, robot or program changed")
     assert diagnosis_sections(None) == ()
