@@ -173,4 +173,9 @@ class Gauge(Table):
 
 def load_gauge(path: Path) -> Gauge:
     """Read gauge.toml. Raises OSError, tomllib.TOMLDecodeError, pydantic.ValidationError."""
-    return Gauge.model_validate(tomllib.loads(Path(path).read_text(encoding="utf-8")))
+    return gauge_of(Path(path).read_text(encoding="utf-8"))
+
+
+def gauge_of(text: str) -> Gauge:
+    """The gauge that the text of a gauge.toml describes. Raises tomllib.TOMLDecodeError, pydantic.ValidationError."""
+    return Gauge.model_validate(tomllib.loads(text))

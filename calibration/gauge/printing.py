@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.detection.image import color_bgr
+from calibration.errors import CalibrationError
 from calibration.gauge.geometry import Gauge
 
 A4_MM = (210.0, 297.0)
@@ -20,6 +21,7 @@ MARGIN_MM = 12.0  # unprintable margin of common printers, and room to hold the 
 FOOT_MM = 26.0  # room for the ruler and the text
 MM_PER_INCH = 25.4
 POINTS_PER_MM = 72 / MM_PER_INCH
+LARGEST_MM = 14_400 / POINTS_PER_MM  # side of a page: a limit of PDF 1.7, Annex C
 TEXT_MM = 3.0  # eight and a half points
 
 
@@ -64,11 +66,19 @@ class Sheet:
 
 
 def gauge_sheet(gauge: Gauge) -> Sheet:
-    """The sheet of a gauge: A4 if it fits, otherwise a page of the size needed."""
+    """The sheet of a gauge: A4 if it fits, otherwise a page of the size needed.
+
+    Raises CalibrationError if no page is that large.
+    """
     places = gauge.sheet_mm() * (1, -1)
     diameters = gauge.diameters_mm()
     reach = np.abs(places).max(axis=(0, 1)) + diameters.max() / 2 + 0.5 * np.array(gauge.pitch_mm)
     need = 2 * reach + 2 * MARGIN_MM + (0, FOOT_MM)
+    if need.max() > LARGEST_MM:
+        raise CalibrationError(
+            f"{gauge.name}: its sheet of {need[0]:.0f} mm × {need[1]:.0f} mm is larger than a page of PDF can be, "
+            f"{LARGEST_MM:.0f} mm; is the pitch given in mm?"
+        )
     pages = [A4_MM, A4_MM[::-1], (float(max(need[0], 80.0)), float(need[1]))]
     width, height = next(page for page in pages if page[0] >= need[0] - 1e-9 and page[1] >= need[1] - 1e-9)
     center = np.array([width / 2, (height - FOOT_MM) / 2])

@@ -11,10 +11,11 @@ from typing import Any
 import click
 
 PATH: click.Path = click.Path(path_type=Path)
+FOLDER: click.Path = click.Path(path_type=Path, file_okay=False)
 
 experiment_argument = click.argument("experiment", type=PATH, metavar="EXPERIMENT.toml")
 out_option = click.option(
-    "-o", "--out", type=PATH, default=Path("out"), show_default=True, metavar="DIR", help="Folder of the results."
+    "-o", "--out", type=FOLDER, default=Path("out"), show_default=True, metavar="DIR", help="Folder of the results."
 )
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), metavar="N", help="Processes to work with. [default: one per core]"
@@ -29,6 +30,14 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the re
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print more about every run.")
 dry_run_option = click.option("--dry-run", is_flag=True, help="List what would be computed, without computing it.")
+
+# Of the 32 bits of seeds in a scene, so that those of its images can count on from it.
+MOST_SEED = 2**31 - 1
+
+
+def seed_option(default: int, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The option --seed of a command that draws random numbers."""
+    return click.option("--seed", type=click.IntRange(0, MOST_SEED), default=default, show_default=True, help=text)
 
 
 write_mended_option = click.option(

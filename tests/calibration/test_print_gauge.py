@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calibration.errors import CalibrationError
 from calibration.gauge.geometry import Gauge
 from calibration.gauge.printing import Bar, Disc, Sheet, Text, _rgb, gauge_sheet, pdf, svg
 from evaluator.cli.camera.gauge import gauge as command
@@ -165,3 +166,24 @@ def test_a_sheet_is_written_under_the_name_that_was_given(tmp_path: Path) -> Non
     assert not list(tmp_path.iterdir())
     assert CliRunner().invoke(command, [*MADE, "-o", str(tmp_path / "sheet.SVG")]).exit_code == 0
     assert {path.name for path in tmp_path.iterdir()} == {"sheet.pdf", "sheet.svg", "sheet.toml"}
+
+
+@pytest.mark.parametrize(
+    ("pitch_mm", "why"),
+    [("0.5", "gauge.toml: dots of 1.0 mm touch each other"), ("1e6", "7000025 mm × 5000051 mm is larger than a page")],
+)
+def test_a_sheet_that_cannot_be_drawn_leaves_no_file(tmp_path: Path, pitch_mm: str, why: str) -> None:
+    """A gauge.toml was left whose dots touch, and refused a sheet of another pitch under the same name."""
+    out = ["-o", str(tmp_path / "gauge.pdf")]
+    refused = CliRunner().invoke(command, [*MADE, "--pitch-mm", pitch_mm, *out])
+    assert why in str(refused.exception)
+    assert not list(tmp_path.iterdir())
+    assert CliRunner().invoke(command, [*MADE, *out]).exit_code == 0
+
+
+def test_the_largest_sheet_is_the_largest_page_of_pdf() -> None:
+    """A page of 14,400 points, 200 inches."""
+    sides = {"columns": 2, "rows": 2, "diameter_mm": 3.0}
+    assert gauge_sheet(gauge_of(**sides, pitch_mm=2513.0)).height == pytest.approx(2 * 2513 + 3 + 24 + 26)
+    with pytest.raises(CalibrationError, match="larger than a page of PDF can be, 5080 mm; is the pitch given in mm"):
+        gauge_sheet(gauge_of(**sides, pitch_mm=2514.0))

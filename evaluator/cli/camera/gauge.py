@@ -35,10 +35,10 @@ def gauge(
     The gauge comes from a gauge.toml or from the four options. With the options, a gauge.toml for turnscope calibrate
     is written beside the sheet.
     """
-    from calibration.gauge.geometry import load_gauge
+    from calibration.gauge.geometry import Gauge, gauge_of, load_gauge
     from calibration.gauge.printing import gauge_sheet, pdf, svg
     from evaluator.errors import InputError
-    from evaluator.files import read_with, write_text, written_whole
+    from evaluator.files import read_with, write_bytes
 
     numbers = (columns, rows, pitch_mm, diameter_mm)
     if (gauge_file is None) == (None in numbers):
@@ -47,7 +47,7 @@ def gauge(
         )
     if out.suffix.lower() not in ENDINGS:
         raise InputError(f"{out}: a sheet is written as PDF and SVG; end its name in .pdf or .svg")
-    written = [out.with_suffix(".pdf"), out.with_suffix(".svg")]
+    texts = {}
     if gauge_file is None:
         gauge_file = out.with_suffix(".toml")
         text = _toml(f"dot plate, {columns} by {rows}", *numbers)
@@ -56,12 +56,16 @@ def gauge(
                 f"{gauge_file}: is there with another content; print it with turnscope gauge {gauge_file}, or give -o "
                 "another name"
             )
-        write_text(gauge_file, text)
-        written.append(gauge_file)
-    sheet = gauge_sheet(read_with(load_gauge, gauge_file))
-    for path, content in zip(written, (pdf(sheet), svg(sheet)), strict=False):
-        with written_whole(path) as temporary:
-            temporary.write_bytes(content)
+        texts = {gauge_file: text}
+
+    def load(path: Path) -> Gauge:
+        return gauge_of(texts[path]) if texts else load_gauge(path)
+
+    sheet = gauge_sheet(read_with(load, gauge_file))
+    written = {out.with_suffix(".pdf"): pdf(sheet), out.with_suffix(".svg"): svg(sheet)}
+    written |= {path: text.encode() for path, text in texts.items()}
+    for path, content in written.items():
+        write_bytes(path, content)
     click.echo(f"{sheet.width:.0f} mm × {sheet.height:.0f} mm: " + ", ".join(str(path) for path in written))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from evaluator.cli.options import PATH, BatchOptions, quiet_option, workers_option
+from evaluator.cli.options import FOLDER, BatchOptions, quiet_option, workers_option
 from evaluator.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.option(
     "-o",
     "--out",
-    type=PATH,
+    type=FOLDER,
     default=Path("turnscope-demo"),
     show_default=True,
     metavar="DIR",

@@ -6,20 +6,20 @@ from pathlib import Path
 
 import click
 
-from evaluator.cli.options import PATH, quiet_option
+from evaluator.cli.options import FOLDER, quiet_option, seed_option
 
 
 @click.command(epilog="\b\nExamples:\n  turnscope selftest\n  turnscope selftest -o /tmp/look --seed 7")
 @click.option(
     "-o",
     "--out",
-    type=PATH,
+    type=FOLDER,
     default=Path("turnscope-selftest"),
     show_default=True,
     metavar="DIR",
     help="Folder to work in.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of all random numbers.")
+@seed_option(1, "Seed of all random numbers.")
 @quiet_option
 def selftest(out: Path, seed: int, quiet: bool) -> int:
     """Check the accuracy claims of this version on this machine.
@@ -30,12 +30,14 @@ def selftest(out: Path, seed: int, quiet: bool) -> int:
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table
+    from evaluator.files.writing import require_room_for
     from evaluator.report.pages.selftest import HEAD, outcome_rows, sentence_of, write_selftest
     from evaluator.workflow import self_test
 
+    page = out / "selftest.html"
+    require_room_for(page)
     with progress_bar("self-test", quiet=quiet) as progress:
         found = self_test(out, seed=seed, progress=progress)
-    page = out / "selftest.html"
     write_selftest(found, page)
     if not quiet:
         click.echo(text_table(HEAD, outcome_rows(found)))

@@ -23,9 +23,11 @@ def paper(out: Path, quiet: bool) -> None:
     """
     from evaluator.cli.progress import progress_bar
     from evaluator.cli.tables import text_table
+    from evaluator.files.writing import require_room_for
     from evaluator.report.numbers import true_minus
     from evaluator.report.pages.paper import check_table, recompute, summary_lines, write_paper
 
+    require_room_for(out / "index.html")
     with progress_bar("recomputing", quiet=quiet) as progress:
         found = recompute(progress)
     page = write_paper(found, out)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from evaluator.cli.options import PATH, out_option, quiet_option
+from evaluator.cli.options import PATH, out_option, quiet_option, seed_option
 
 
 @click.command(
@@ -24,7 +24,7 @@ from evaluator.cli.options import PATH, out_option, quiet_option
     help="Distance from the disk axis to the contact.",
 )
 @click.option("--virtual", metavar="NAME|FILE", help="Simulate the bench with this robot's slip law instead.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the virtual bench's torque noise.")
+@seed_option(0, "Seed of the virtual bench's torque noise.")
 @out_option
 @quiet_option
 def slip_bench(

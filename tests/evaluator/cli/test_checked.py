@@ -227,3 +227,29 @@ def test_a_circular_test_has_constant_commands_or_a_constant_radius(words: str) 
     refused = run(*words.split(), "--ratio", "0.5", "--radius", "10").exception
     assert isinstance(refused, click.UsageError)
     assert "exclude each other" in str(refused)
+
+
+FOLDERS = ("paper", "selftest", "demo", "slip-bench --virtual barrel", "analyze e.toml", "circular-test e.toml")
+
+
+@pytest.mark.parametrize("words", FOLDERS)
+def test_a_file_in_place_of_the_folder_of_results_is_refused_at_once(folder: Path, words: str) -> None:
+    """`paper` recomputed its figures for 22 s first; "File exists" was all that `selftest` said."""
+    refused = run(*words.split(), "-o", "robot.toml").exception
+    assert isinstance(refused, click.BadParameter)
+    assert "Directory 'robot.toml' is a file" in str(refused)
+    assert (folder / "robot.toml").read_text(encoding="utf-8") == "robot.toml"
+
+
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [("paper", "evaluator.report.pages.paper.recompute"), ("selftest", "evaluator.workflow.self_test")],
+)
+def test_long_work_begins_only_where_its_results_can_be_written(
+    folder: Path, command: str, work: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(work, lambda *_, **__: pytest.fail("begins"))
+    refused = run(command, "-o", "robot.toml/below").exception
+    assert isinstance(refused, UnwritableError)
+    assert "cannot be written" in str(refused)
+    assert folder.is_dir()

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import click
 import numpy as np
 import pandas as pd
 import pytest
@@ -120,6 +121,15 @@ def test_scenes_are_rendered_one_by_one_or_together_and_faults_are_counted(stub:
     for option in ("-o", "--truth"):
         assert isinstance(refused := run("render", "a.toml", "b.toml", option, "c").exception, InputError)
         assert str(refused).startswith("2 scenes cannot go to one file")
+
+
+@pytest.mark.parametrize("command", ["selftest", "slip-bench"])
+@pytest.mark.parametrize("seed", ["99999999999999999999", "2147483648", "-1"])
+def test_a_seed_that_no_generator_takes_is_refused(command: str, seed: str) -> None:
+    """The 32 bits of a seed are part of a key of 64; a longer one ended in a traceback of the compiler."""
+    refused = run(command, "--seed", seed).exception
+    assert isinstance(refused, click.BadParameter)
+    assert f"{seed} is not in the range 0<=x<=2147483647" in str(refused)
 
 
 def test_a_self_test_that_fails_has_status_1(stub: Any, monkeypatch: pytest.MonkeyPatch) -> None:
