@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 ZIPPED = "PK\x03\x04"  # begin of an archive
 NO_TEXT = "is a workbook or another archive, and no table in text; save the sheet as CSV"
+TOO_MANY_CELLS = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # as pandas says it
 DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 
 
@@ -98,7 +99,7 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
     except pd.errors.EmptyDataError as error:
         raise TableError(f"{path}: the file is empty") from error
     except pd.errors.ParserError as error:
-        raise TableError(f"{path}: not a CSV table ({str(error).strip()})") from error
+        raise TableError(f"{path}: not a CSV table ({_of_parser(str(error))})") from error
     used = _without_empty_end(table)
     if form["decimal"] == ",":  # pandas leaves a column with a word in it as it is
         words = {name: used[name] for name in used if pd.api.types.is_string_dtype(used[name].dtype)}
@@ -107,6 +108,15 @@ def read_table(path: Path, **options: Any) -> pd.DataFrame:
         )
     used.attrs["lines_before"] = head.number - 1
     return used
+
+
+def _of_parser(message: str) -> str:
+    """Why a text is no table, from what pandas says of it."""
+    if cells := TOO_MANY_CELLS.search(message):
+        return f"line {cells[2]} has {cells[3]} cells, the lines before it have {cells[1]}"
+    if "EOF inside string" in message:
+        return "a quotation mark in it is not closed"
+    return message.strip().removeprefix("Error tokenizing data. ").removeprefix("C error: ")
 
 
 def _without_empty_end(table: pd.DataFrame) -> pd.DataFrame:

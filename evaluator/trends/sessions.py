@@ -37,8 +37,11 @@ class Session:
 def read_sessions(folders: Sequence[Path]) -> tuple[Session, ...]:
     """Sessions in the order of their dates; in the given order if no session has a date.
 
-    Raises InputError for a folder without results, and if only some sessions have a date.
+    Raises InputError for a folder without results or given twice, and if only some sessions have a date.
     """
+    places = [Path(folder).resolve() for folder in folders]
+    if twice := next((folder for k, folder in enumerate(folders) if places[k] in places[:k]), None):
+        raise InputError(f"{twice}: is given twice; a session is compared with others, not with itself")
     sessions = [read_session(folder) for folder in folders]
     dated = [session for session in sessions if session.day is not None]
     if dated and len(dated) < len(sessions):

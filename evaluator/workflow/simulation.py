@@ -11,11 +11,14 @@ import pandas as pd
 
 from evaluator.errors import InputError
 from evaluator.files import read_with, write_text
+from evaluator.settings import FASTEST_RPM
 from simulator.command import Command
 from simulator.robot import Robot, load_robot
 from simulator.run import Run, State
 from simulator.simulation import simulate as simulate_run
 from simulator.steady import steady_map
+
+MOST_ROWS = 1_000_000  # of a table: half a minute, 230 MB, and as many as a spreadsheet opens
 
 
 def simulate(
@@ -46,9 +49,15 @@ def simulate(
     for name, value in {"duration": duration_s, "rate": rate_hz}.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"the {name} must be a positive number; found {value}")
+    if duration_s * rate_hz >= MOST_ROWS:
+        raise InputError(
+            f"a duration of {duration_s:g} s at a rate of {rate_hz:g} Hz is {duration_s * rate_hz:.3g} rows; at most "
+            f"{MOST_ROWS:,} are written: give a shorter duration or a lower rate"
+        )
     rows = round(duration_s * rate_hz) + 1
     if rows < 2:
         raise InputError(f"a duration of {duration_s} s at a rate of {rate_hz} Hz holds no second row")
+    _refuse_too_fast(left_rpm or 0.0, right_rpm or 0.0)
     if commands is not None:
         read = commands if isinstance(commands, Command) else read_with(Command.held, Path(commands))
         command = read.retimed(later_s=start_s)
@@ -62,7 +71,9 @@ def steady_turns(robot: Robot | Path | str, left_rpm: Sequence[float], ratios: S
 
     Columns: left_rpm, right_rpm, ratio, radius_mm (signed, positive to the left; infinite on a straight line),
     speed_mm_s, yaw_rate_deg_s. NaN if there is no steady turn. Neighbouring ratios should be given in order.
+    Raises InputError, SimulationError.
     """
+    _refuse_too_fast(*left_rpm, *(rpm * ratio for rpm in left_rpm for ratio in ratios))
     found = steady_map(robot_of(robot), left_rpm, ratios)
     left, ratio = np.meshgrid(found.left_rpm, found.ratio, indexing="ij")
     curvature = found.curvature_per_mm.ravel()
@@ -86,15 +97,28 @@ def export_robot(
 
     Returns sentences about properties that cannot be exported.
 
-    Raises InputError and SimulationError as robot_of, and SimulationError for a robot with effects.
+    Raises InputError and SimulationError as robot_of, InputError for a command at which the robot stands, and
+    SimulationError for a robot with effects.
     """
     from simulator.exchange.losses import losses
     from simulator.exchange.mjcf import mjcf
     from simulator.exchange.sdf import sdf
 
+    _refuse_too_fast(left_rpm, right_rpm)
+    if left_rpm == right_rpm == 0:
+        raise InputError(
+            "the robot stands at 0 / 0 rpm, and friction is matched at a turn: give the speeds of one (--left, --right)"
+        )
     described = robot_of(robot)
     write_text(Path(output), (sdf if kind == "sdf" else mjcf)(described, left_rpm, right_rpm))
     return losses(described, left_rpm, right_rpm, kind)
+
+
+def _refuse_too_fast(*speeds_rpm: float) -> None:
+    """Refuse speeds that an experiment cannot have either, of which no equation of motion is solved in doubles."""
+    fastest = max(speeds_rpm, key=abs)
+    if abs(fastest) > FASTEST_RPM:
+        raise InputError(f"a speed of {fastest:g} rpm is beyond every motor; give at most {FASTEST_RPM:,.0f} rpm")
 
 
 def robot_of(robot: Robot | Path | str) -> Robot:

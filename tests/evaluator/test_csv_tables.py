@@ -164,6 +164,21 @@ def test_a_table_in_another_encoding_says_how_to_save_it(
     assert str(error.value) == f"{tmp_path / 't.csv'}: {said}; save it as CSV UTF-8"
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("root\nsync\n# mail\nlist,Mail,/var,no\n", "line 4 has 4 cells, the lines before it have 1"),
+        ("# notes\na,b\n1,2\n\n1,2,3\n", "line 5 has 3 cells, the lines before it have 2"),
+        ('a,b\n1,2\n"1,2\n3,4\n', "a quotation mark in it is not closed"),
+    ],
+)
+def test_a_text_that_is_no_table_is_told_without_words_of_the_parser(text: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(InputError) as error:
+        module.read_table(tmp_path / "t.csv")
+    assert str(error.value) == f"{tmp_path / 't.csv'}: not a CSV table ({why})"
+
+
 @pytest.mark.parametrize("read", [module.read_table, units.read_table])
 def test_an_empty_file_is_told_as_such(read: Callable[[Path], pd.DataFrame], tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("")

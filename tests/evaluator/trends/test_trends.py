@@ -133,6 +133,8 @@ def test_folders_that_cannot_be_compared_are_refused_in_one_sentence(tmp_path: P
     dated, undated = session(tmp_path / "a", "2026-03-01", 15.0), session(tmp_path / "b", None, 15.0)
     with pytest.raises(InputError, match="at least two"):
         compare_sessions([dated])
+    with pytest.raises(InputError, match="a: is given twice; a session is compared with others"):
+        compare_sessions([dated, undated, tmp_path / "b" / ".." / "a"])
     with pytest.raises(InputError, match="b: its experiment has no date"):
         compare_sessions([dated, undated])
     with pytest.raises(InputError, match=r"no turning\.csv"):

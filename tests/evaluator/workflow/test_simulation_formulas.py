@@ -63,6 +63,9 @@ def test_a_run_follows_a_log_or_a_command(asked: list[Any], tmp_path: Path) -> N
         ({"left_rpm": 1.0, "right_rpm": 1.0, "duration_s": 0.0}, "the duration must be a positive number; found 0.0"),
         ({"left_rpm": 1.0, "right_rpm": 1.0, "rate_hz": float("inf")}, "the rate must be a positive number"),
         ({"left_rpm": 1.0, "right_rpm": 1.0, "duration_s": 0.049, "rate_hz": 10.0}, "holds no second row"),
+        ({"left_rpm": 1.0, "right_rpm": 1.0, "duration_s": 1e7}, r"is 6e\+08 rows; at most 1,000,000 are written"),
+        ({"left_rpm": 1.0, "right_rpm": 1.0, "duration_s": 1e308, "rate_hz": 1e308}, "is inf rows"),
+        ({"left_rpm": 1.0, "right_rpm": -1e308}, r"a speed of -1e\+308 rpm is beyond every motor"),
     ],
 )  # fmt: skip
 def test_a_run_that_cannot_be_meant_is_refused(more: dict[str, Any], said: str, asked: list[Any]) -> None:
@@ -70,6 +73,19 @@ def test_a_run_that_cannot_be_meant_is_refused(more: dict[str, Any], said: str, 
         simulation.simulate(ROBOT, **{"duration_s": 1.0, **more})
     simulation.simulate(ROBOT, 1.0, 1.0, duration_s=0.051, rate_hz=10.0)
     assert [len(times) for _, _, times, _ in asked] == [2]
+
+
+@pytest.mark.parametrize(("left_rpm", "ratios"), [([1.0, 1e308], [1.0]), ([1e6], [0.5, -1.01])])
+def test_steady_turns_of_speeds_that_no_motor_has_are_refused(left_rpm: list[float], ratios: list[float]) -> None:
+    """A table of empty cells was written for them."""
+    with pytest.raises(InputError, match="is beyond every motor; give at most 1,000,000 rpm"):
+        simulation.steady_turns(ROBOT, left_rpm, ratios)
+
+
+def test_a_robot_that_stands_is_not_exported(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="the robot stands at 0 / 0 rpm, and friction is matched at a turn"):
+        simulation.export_robot(ROBOT, tmp_path / "r.xml", 0.0, 0.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_steady_turns_have_their_commands_signed_radii_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
