@@ -47,8 +47,12 @@ def _noted(outputs: Outputs) -> tuple[str | None, list[str], list[str]]:
     Folders of earlier versions have provenance.json only, which is also newer if recordings were replaced.
     """
     note, provenance = _content(outputs.experiment), _content(outputs.provenance)
-    settings, inputs = provenance.get("settings", {}), provenance.get("inputs_sha256", {})
-    return note.get("name", settings.get("name")), note.get("recordings_sha256", []), list(inputs.values())
+    try:
+        name = note.get("name", provenance.get("settings", {}).get("name"))
+        recordings, inputs = note.get("recordings_sha256", []), provenance.get("inputs_sha256", {}).values()
+        return name, list(map(str, recordings)), list(map(str, inputs))
+    except (AttributeError, TypeError):  # another program wrote them
+        return None, [], []
 
 
 def _content(path: Path) -> dict[str, Any]:

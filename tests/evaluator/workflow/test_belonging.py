@@ -108,7 +108,7 @@ def test_a_folder_of_an_earlier_version_is_known_by_its_provenance(outputs: Outp
     claim(outputs, loaded(tmp_path / "renamed", "renamed", "b"))
 
 
-@pytest.mark.parametrize("content", ["{", "[]"])
+@pytest.mark.parametrize("content", ["{", "[]", '{"name": "first", "recordings_sha256": null}'])
 def test_a_note_that_cannot_be_read_is_written_anew(outputs: Outputs, tmp_path: Path, content: str) -> None:
     outputs.experiment.write_text(content, encoding="utf-8")
     claim(outputs, loaded(tmp_path / "other", "other", "c"))
