@@ -129,10 +129,12 @@ def _followed(knots: Any, ramps: Any) -> Any:
     is piecewise linear: new knots arise where a part reaches its target.
     """
     count = len(knots)
-    # For each piece its beginning, its end, and the times at which both parts reach their targets.
-    bent = np.empty((4 * count, 3))
+    # For each piece its beginning, its end, and the times at which both parts reach their targets; before them the
+    # first knot, which holds until then: a part without a limit jumps from it at once, and not before.
+    bent = np.empty((4 * count + 1, 3))
     target, slope, part, speed = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    used = counter(0)
+    bent[0] = knots[0]
+    used = counter(1)
     part[:] = knots[0, 1:]
     for piece in range(count):
         at, last = knots[piece, 0], piece == count - 1

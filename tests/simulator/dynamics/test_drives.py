@@ -152,6 +152,17 @@ def test_a_drive_takes_as_long_to_turn_as_its_acceleration_makes_it() -> None:
     assert found == pytest.approx(np.array([[0, 0], [8.75, 11.25], [15, 25], [10, 30], [10, 30]]))
 
 
+@pytest.mark.parametrize(("ramps", "begun"), [((1 / 40, 0.0, 0.0), (-10.0, 10.0)), ((0.0, 1 / 40, 0.0), (20.0, 20.0))])
+def test_a_part_without_a_limit_jumps_with_the_command_and_the_robot_rests_before_it(
+    ramps: tuple[float, float, float], begun: tuple[float, float]
+) -> None:
+    """It jumped at the beginning of time: a robot whose speed ahead alone is limited turned until its command began."""
+    knots = np.array([[1.0, 0.0, 0.0], [1.0, 10.0, 30.0]])
+    found = driven(model_of(ramps=np.array(ramps)), 0.0, 9.0, np.array([0.0, 0.99, 1.0 + 1e-9, 8.0]), knots)
+    assert found[:, :2] == pytest.approx(np.array([[0, 0], [0, 0], begun, [10, 30]]), abs=1e-4)
+    assert found[1, 2:] == pytest.approx(0.0)  # no wheel has turned
+
+
 @pytest.mark.parametrize("ramps", [(0.0, 0.0, 0.02), (0.03, 0.08, 0.05), (0.0, 0.01, 1e-4)])
 def test_motors_ramp_each_wheel_after_the_drive_has_ramped_both(ramps: tuple[float, float, float]) -> None:
     told = np.array([np.interp(TIMES_S, *jumps_apart(KNOTS, side)) for side in (0, 1)])
