@@ -17,7 +17,7 @@ from evaluator.turning.motion.curvature import Curvature
 from evaluator.turning.motion.fit import COVERED, FEWEST_FRAMES
 from evaluator.turning.motion.least_squares import Block, averaged_least_squares
 from evaluator.turning.phases import find_phases
-from evaluator.turning.status import LEAST_CERTAIN, LEAST_TURN_DEG, VARIES_SHARE
+from evaluator.turning.status import LEAST_CERTAIN, LEAST_TURN_DEG, UNCERTAIN, VARIES_SHARE
 from evaluator.wording import with_bounds
 
 Array = NDArray[np.float64]
@@ -46,8 +46,8 @@ class PointPath:
 
     @property
     def straight(self) -> bool:
-        """Whether the path cannot be distinguished from a straight line; status then gives its curvature."""
-        return self.status.startswith("straight")
+        """Whether the path has no radius because it is nearly a line; status then gives its curvature."""
+        return self.status.startswith(("straight", UNCERTAIN))
 
     def summary(self, unit: str) -> str:
         """Text of one line; unit: of lengths."""
@@ -92,7 +92,7 @@ def measure_path(
     nearest = min(abs(curvature.low), abs(curvature.high))
     if curvature.straight or nearest < LEAST_CERTAIN * abs(curvature.value) or turned < LEAST_TURN_DEG:
         value, least, most = with_bounds(curvature.value, curvature.low, curvature.high)
-        kind = "straight"
+        kind = "straight" if curvature.straight or turned < LEAST_TURN_DEG else UNCERTAIN
         if _returns(along_line, sigma):
             kind, leg = "straight, out and back", _longer_leg(along)
             speed = abs(float(np.polyfit(time[leg] - time[0], along[leg], 1)[0]))

@@ -18,6 +18,7 @@ PX_FAR = 50.0  # coordinates in px extend beyond this, and are not negative
 # A radius is stated if its 95 % bounds are within a factor of three: the curvature is then four standard uncertainties
 # from zero, so that a straight run counts as a turn once in 16,000, not once in 20.
 LEAST_CERTAIN = 0.5
+UNCERTAIN = "no certain turn"  # status of a run that is less certain, but whose interval excludes a straight path
 LEAST_TURN_DEG = 1.0  # a smaller turn looks straight, and no calibration is certain to distinguish it
 VARIES_SHARE = STEADY_SHARE  # of the mean curvature: largest standard deviation within a steady turn
 
@@ -44,13 +45,18 @@ def spacing_fault(poses: Poses) -> str:
 
 
 def straightness(fit: TurnFit) -> str:
-    """Reason why a run has no radius; "" if it has one. A turn on the spot has radius zero."""
+    """Reason why a run has no radius; "" if it has one. A turn on the spot has radius zero.
+
+    A run whose interval excludes a straight path is not called straight: it may turn, or be one of 20 straight runs.
+    """
     curvature, length = fit.curvature(), fit.motion.length_mm
     value, low, high = with_bounds(1000 * curvature.value, 1000 * curvature.low, 1000 * curvature.high)
     text = f"curvature {value} 1/m, 95 % from {low} to {high} 1/m"
     nearest = min(abs(curvature.low), abs(curvature.high))
-    if curvature.straight or np.arctan(length * nearest) < LEAST_CERTAIN * np.arctan(length * abs(curvature.value)):
+    if curvature.straight:
         return f"straight: {text}"
+    if np.arctan(length * nearest) < LEAST_CERTAIN * np.arctan(length * abs(curvature.value)):
+        return f"{UNCERTAIN}: {text}"
     turned = float(np.degrees(fit.motion.turn_rad))
     return f"turns too little: by {turned:.2g} degrees; {text}" if turned < LEAST_TURN_DEG else ""
 

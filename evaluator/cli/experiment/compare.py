@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from evaluator.cli.analysis import (
+    DASH,
     STATUS_NOTE,
     TOO_LITTLE,
     length_unit,
@@ -60,7 +61,8 @@ def comparison_text(found: Analysis, *, verbose: bool) -> str:
         command = command_text(row["left_rpm"], row["right_rpm"])
         simulated = row[f"simulated_{named_after(only_mark(measured), 'radius_mm')}"]
         seen = radius(measured, unit)
-        nothing = "straight" if math.isfinite(row["left_rpm"]) and seen[0] != TOO_LITTLE else UNKNOWN
+        known_way = seen[0] not in (TOO_LITTLE, DASH) or row["left_rpm"] == row["right_rpm"]
+        nothing = "straight" if math.isfinite(row["left_rpm"]) and known_way else UNKNOWN
         known = f"{simulated / unit.mm:.3f}" if math.isfinite(simulated) else nothing
         cells = [name_of(row, found.excluded_runs), command, *seen, known, f"{row['gap_rms_mm'] / unit.mm:.3f}"]
         rows.append([*cells, number(row["heading_gap_end_deg"], 2)] if verbose else cells)

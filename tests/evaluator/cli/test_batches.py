@@ -194,6 +194,8 @@ def test_an_export_prints_its_files_and_is_quiet_where_asked(
         (0.5, nan, "turns too little: by 0.5 degrees", 30.0, ("straight", "")),
         (0.5, nan, "turns too little: by 0.5 degrees", 15.0, ("turns < 1°", "")),  # a phase of 0.2 s in a ramp
         (90.0, nan, "straight: so", 15.0, ("straight", "")),
+        (5.0, nan, "no certain turn: so", 30.0, ("straight", "")),
+        (5.0, nan, "no certain turn: so", 15.0, ("–", "")),  # the reason is told below the table
         (90.0, nan, "too short", 30.0, ("–", "")),
     ],
 )
@@ -203,6 +205,15 @@ def test_a_radius_is_a_number_where_the_eye_sees_a_turn(
     row = {"radius_mm": radius_mm, "radius_low_mm": 4.0, "radius_high_mm": 6.0}
     row |= {"left_rpm": 30.0, "right_rpm": right_rpm}
     assert radius({**row, "turned_deg": turned_deg, "radius_status": status}, MILLIMETRES) == said
+
+
+def test_a_short_turn_of_unequal_sides_is_not_called_straight_in_the_simulation(found: Any) -> None:
+    """Its simulation turned by 0.9 degrees."""
+    for table in (found.turning, found.comparison):
+        table.loc[1, "right_rpm"] = 25.0
+    found.turning.loc[1, "radius_status"] = "no certain turn: so"
+    (row,) = [line for line in comparison_text(found, verbose=False).splitlines() if line.startswith("b ")]
+    assert row.split()[1:] == ["30", "/", "25", "–", "–", "0.500"]
 
 
 def test_a_run_without_a_command_and_a_phase_have_their_signs_in_the_table(found: Any) -> None:
