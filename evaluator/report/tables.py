@@ -89,7 +89,8 @@ def pooled_table(pooled: pd.DataFrame, unit: LengthUnit) -> Table:
     caption = (
         "Run to run: standard deviation between repetitions, measurement uncertainty subtracted; a dash for a single "
         "run. Noise: standard uncertainty of a run, reduced by more frames. Camera: standard uncertainty common to all "
-        "runs, reduced by a better calibration only. The 95 % interval of the mean includes all three."
+        "runs, reduced by a better calibration only. The 95 % interval of the mean includes all three; of a single run "
+        "it is the run's own."
     )
     radius = f"radius, {unit.name}", f"95 %, {unit.name}"
     head = ("left / right, rpm", "turn", "runs", *radius, "run to run, %", "noise, %", "camera, %")

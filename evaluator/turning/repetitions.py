@@ -6,6 +6,7 @@ ISO 4138 requires turns to both sides and at least three of each; missing ones a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -98,6 +99,9 @@ def _row(key: Key, rows: pd.DataFrame, side: str, note: str) -> dict[str, Any]:
     radius = _pool(rows, "radius_mm", "radius_random_mm")
     systematic = float(rows["radius_systematic_mm"].mean()) if "radius_systematic_mm" in rows else float("nan")
     radius = radius.with_systematic(systematic)
+    if radius.runs == 1 and "radius_low_mm" in rows:  # no other run makes it more or less certain
+        alone = rows[rows["radius_mm"].notna()].iloc[0]
+        radius = replace(radius, low=float(alone["radius_low_mm"]), high=float(alone["radius_high_mm"]))
     result: dict[str, Any] = dict(zip(COMMAND, key, strict=True))
     result |= {"side": side, "direction": "backward" if key[1] + key[2] < 0 else "forward", "runs": len(rows)}
     if fault := disagreement(rows):

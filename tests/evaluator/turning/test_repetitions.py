@@ -118,6 +118,9 @@ def test_row_of_a_command_holds_the_pooled_values_of_its_runs() -> None:
     assert (one["radius_low_mm"], one["radius_high_mm"]) == pytest.approx(
         (7.8 - 1.96 * np.hypot(0.01, 0.02), 7.8 + 1.96 * np.hypot(0.01, 0.02))
     )
+    own = {"radius_low_mm": 7.73, "radius_high_mm": 7.92}  # not symmetrical: they are those of a curvature
+    (same,) = pool_runs(runs_of(-33.0, -14.0, [7.8], BACKWARD_RIGHT, **own)).to_dict("records")
+    assert {name: same[name] for name in own} == own  # one run had two intervals, 80 to 101 and 79 to 100 mm
     # Bounds of the curvature that lie 2e-4 apart hold 95 %.
     assert one["curvature_high_per_mm"] - one["curvature_low_per_mm"] == pytest.approx(2e-4)
 
