@@ -14,9 +14,8 @@ from evaluator.report.diagnosis.knowledge import (
 )
 from evaluator.report.diagnosis.next_runs import next_runs_sentence, separations_sentence
 from evaluator.report.diagnosis.values import sizes
+from evaluator.report.diagnosis.where import where_sentences
 from evaluator.report.diagnosis.words import (
-    WITHOUT_EFFECTS,
-    closes,
     determined_sentence,
     equivalents_sentence,
     exact_frictions_sentence,
@@ -29,7 +28,6 @@ from evaluator.report.diagnosis.words import (
     together_sentence,
     unlike_sentences,
     verdict_sentence,
-    where_sentences,
 )
 
 SENTENCES = 4  # on disagreements; all are in diagnosis.json
@@ -61,10 +59,7 @@ def verdict_lines(content: dict[str, Any]) -> list[str]:
     if content.get("left_out_runs"):
         lines.append(left_out_sentence({"left_out_runs": content["left_out_runs"]}))  # the command prints skipped runs
     lines += unlike_sentences(content)
-    where = where_sentences(content, SENTENCES)
-    if where and content["effects"] and closes(content):
-        lines.append(WITHOUT_EFFECTS)
-    lines += where
+    lines += where_sentences(content, SENTENCES)
     lines += [
         rivals_sentence(content),
         not_tried_sentence(content),

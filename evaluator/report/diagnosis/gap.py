@@ -39,11 +39,26 @@ def gap_sentence(content: Json) -> str:
         noise = f"{noise}; without {', '.join(lost)}, which neither model follows"
     if not again:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
-    effects = content.get("effects") or []
-    named = any(effect.get("id") != "free-form" for effect in effects)
-    found = "the effects found" if named else "the free-form explanation"
-    how = f"With {found if effects else 'nominal values adjusted within their tolerances'}"
+    how = after_words(content).capitalize()
     return f"{how}, the RMS distance between simulated and measured marks changes {parts}; {noise}."
+
+
+def after_words(content: Json) -> str:
+    """What the model has after the diagnosis; empty if no model explains the runs."""
+    effects = content.get("effects") or []
+    if not closes(content):
+        return ""
+    if not effects:
+        return "with nominal values adjusted within their tolerances"
+    named = any(effect.get("id") != "free-form" for effect in effects)
+    return f"with {'the effects found' if named else 'the free-form explanation'}"
+
+
+def held_out_words(content: Json) -> str:
+    """In what held-out runs had no part, and in what they had one."""
+    if not content.get("effects"):
+        return "values were adjusted without them, but the verdict is that of all runs"
+    return "the sizes of the effects were fitted without them, but the effects themselves were chosen with all runs"
 
 
 def predicted_sentence(content: Json) -> str:

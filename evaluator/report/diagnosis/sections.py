@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from evaluator.report.diagnosis.gap import gap_sentence, not_followed_sentence, predicted_sentence, scatter_sentence
+from evaluator.report.diagnosis.gap import (
+    after_words,
+    gap_sentence,
+    held_out_words,
+    not_followed_sentence,
+    predicted_sentence,
+    scatter_sentence,
+)
 from evaluator.report.diagnosis.knowledge import knowledge_section, mistakes_section
 from evaluator.report.diagnosis.limits import limits_section
 from evaluator.report.diagnosis.next_runs import RUN_KEYS, next_runs, separations_sentence
@@ -19,10 +26,9 @@ from evaluator.report.diagnosis.values import (
     value_text,
 )
 from evaluator.report.diagnosis.view import OUTDATED, DiagnosisView
+from evaluator.report.diagnosis.where import where_sentences
 from evaluator.report.diagnosis.words import (
-    WITHOUT_EFFECTS,
     as_sentence,
-    closes,
     determined_sentence,
     effect_words,
     equivalents_sentence,
@@ -36,10 +42,9 @@ from evaluator.report.diagnosis.words import (
     together_sentence,
     unlike_sentences,
     verdict_sentence,
-    where_sentences,
 )
 from evaluator.report.figures.disagreement import disagreement_map, disagreement_panels
-from evaluator.report.figures.gap import HELD_OUT, gap_before_after
+from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 
@@ -91,8 +96,6 @@ def _next_runs(content: Json) -> tuple[Table, ...]:
 def _where(view: DiagnosisView) -> Section | None:
     items = [item for item in view.content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
     text = where_sentences(view.content, SENTENCES)
-    if text and view.content.get("effects") and closes(view.content):
-        text.insert(0, WITHOUT_EFFECTS)
     text += [as_sentence(item) for item in view.content.get("where") or [] if isinstance(item, str)]
     if len(items) > SENTENCES:
         text.append(f"{len(items) - SENTENCES} more in diagnosis.json.")
@@ -101,8 +104,8 @@ def _where(view: DiagnosisView) -> Section | None:
         return Section("diagnosis-where", WHERE, tuple(text)) if text else None
     if not text:
         text = ["The residuals do not depend significantly on any quantity that was examined."]
-    after = closes(view.content)
-    figures = (disagreement_map(pieces, after=after), disagreement_panels(pieces, after=after))
+    after = after_words(view.content)
+    figures = (disagreement_map(pieces, after=bool(after)), disagreement_panels(pieces, after=after))
     return Section("diagnosis-where", WHERE, tuple(text), tuple(figure for figure in figures if figure is not None))
 
 
@@ -119,7 +122,7 @@ def _gap(content: Json) -> Section | None:
     if held:
         gain = gap.get("held_out_gain_sigmas")
         tail = f", which the effect predicts better by {gain:.0f} sigmas" if gain else ""
-        text.append(f"Held-out runs: {', '.join(held)}{tail}; {HELD_OUT}.")
+        text.append(f"Held-out runs: {', '.join(held)}{tail}; {held_out_words(content)}.")
     text.append(not_followed_sentence(content))
     constancy = content.get("constancy") or {}
     rows = tuple(
@@ -129,7 +132,7 @@ def _gap(content: Json) -> Section | None:
         "Is the size of the effect equal in both halves of the runs? Probability of a difference this large by chance."
     )
     tables = (Table(caption, ("halves", "probability", "equal size"), rows),) if rows else ()
-    figure = gap_before_after(gap, lost, after=closes(content))
+    figure = gap_before_after(gap, lost, after=after_words(content), held_out=held_out_words(content))
     title = "Gap between simulation and measurement"
     return Section("diagnosis-gap", title, _full(text), (figure,) if figure else (), tables)
 

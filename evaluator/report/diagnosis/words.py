@@ -87,22 +87,6 @@ def _may_be_zero(effect: Json) -> bool:
     return effect["id"] == "free-form" and bool(sizes) and all(size["low"] <= 0 <= size["high"] for size in sizes)
 
 
-TELLING_SIGMAS = 2.0  # significance below which a disagreement, the largest of few runs, is not worth a sentence
-WITHOUT_EFFECTS = "Without these effects, the robot file and the runs disagree as follows:"
-
-
-def where_sentences(content: Json, most: int) -> list[str]:
-    """At most `most` disagreements of robot file and runs; with "none", first why that is consistent."""
-    items = [item for item in content.get("where") or [] if isinstance(item, dict) and item.get("sentence")]
-    items = [item for item in items if item.get("sigmas") is None or item["sigmas"] >= TELLING_SIGMAS]
-    sentences = [as_sentence(str(item["sentence"])) for item in items[:most]]
-    if not sentences or content.get("verdict") != "none":
-        return sentences
-    left = "relevant" if content.get("negligible") else "significant"
-    tail = f"with values adjusted within their tolerances, no {left} disagreement remains."
-    return [f"With the nominal values of the robot file, the runs disagree as follows; {tail}", *sentences]
-
-
 def closes(content: Json) -> bool:
     """Whether a model was found that explains the runs, so that the gap has an "after"."""
     effects = content.get("effects") or []

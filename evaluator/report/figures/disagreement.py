@@ -24,7 +24,6 @@ MOST_POINTS = 250  # of a panel: more points overlap, and increase the size of t
 SHORT = {"along_mm_s": "along", "across_mm_s": "sideways", "yaw_deg_s": "yaw rate"}
 FULL_SIGMAS = 12.0  # the darkest shade
 ON_PLATE_WORDS = " On the plate, before: triangles up, measured more than simulated; down, less."
-AFTER_WORDS = "; dots: after, with the effects found"
 # Words on an axis with the sign of values reversed, by the column whose sign they are multiplied by.
 REVERSED = {"direction": "sign reversed backward", "side": "sign reversed in right turns"}
 BEFORE: dict[str, Any] = {"color": VERMILLION, "marker": "s", "mfc": "none", "mew": 0.8, "ms": 4.0, "ls": "none"}
@@ -98,8 +97,11 @@ def _cell(axes: Axes, x: float, y: float, sigmas: float) -> None:
     )
 
 
-def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure | None:
-    """The pieces against the quantities on which they depend most, before and after; None if nothing is significant."""
+def disagreement_panels(pieces: pd.DataFrame, *, after: str) -> Figure | None:
+    """The pieces against the quantities on which they depend most, before and after; None if nothing is significant.
+
+    after: what the model has after the diagnosis, in words; empty if no model explains the runs.
+    """
     found = sorted(every_dependence(pieces), key=lambda item: -item.sigmas)
     chosen: dict[tuple[str, str, str], Dependence] = {}
     for item in found:
@@ -116,13 +118,13 @@ def disagreement_panels(pieces: pd.DataFrame, *, after: bool = True) -> Figure |
             if _axis(item) == "place":
                 _on_plate(axes, pieces, item)
             else:
-                _against(axes, pieces, item, after=after)
+                _against(axes, pieces, item, after=bool(after))
         panels.append(canvas.svg)
     return Figure(
         "disagreement",
         "Disagreement, second by second",
         "Measured minus simulated; each point is about one second of a run. Open squares: before, the model of "
-        f"robot.toml{AFTER_WORDS if after else ''}."
+        f"robot.toml{f'; dots: after, {after}' if after else ''}."
         f"{ON_PLATE_WORDS if any(_axis(item) == 'place' for item in shown) else ''}",
         tuple(panels),
         pieces,

@@ -1,4 +1,4 @@
-"""The gap between model and data, without and with the effects found."""
+"""The gap between model and data, before and after the diagnosis."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from evaluator.report.pages.colors import BLUE, FAINT, INK, SOFT, VERMILLION
 from evaluator.report.style import Figure, drawing, plain_numbers
 
 MOST_ROWS = 40  # more would be unreadable
-AFTER = "; dots: with the effects found"
-HELD_OUT = "the sizes of the effects were fitted without them, but the effects themselves were chosen with all runs"
 
 
-def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: bool = True) -> Figure | None:
+def gap_before_after(
+    gap: dict[str, Any], not_followed: Sequence[str] = (), *, after: str, held_out: str
+) -> Figure | None:
     """Distance between simulated and measured marks, run by run, before and after; the noise floor between.
 
-    after: False if no model explains the runs.
+    after: what the model has after the diagnosis, in words; empty if no model explains the runs. held_out: in what the
+    held-out runs had no part, in words.
     """
     by_run: dict[str, dict[str, float | None]] = gap.get("by_run") or {}
     if not by_run:
@@ -31,18 +32,18 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
     chosen = list(table.loc[order].index[:MOST_ROWS])
     unit = MILLIMETRES if table["before"].max() < 1.0 else METRES  # shown in the smaller one: µm or mm
     before, after_mm, floor = (table.loc[chosen, name].to_numpy() for name in ("before", "after", "noise_floor"))
-    held_out = np.array([run in held for run in chosen])
+    aside = np.array([run in held for run in chosen])
     rows = np.arange(len(chosen))[::-1]
     with drawing("gap", height=1.1 + 0.2 * len(chosen)) as canvas:
         (axes,) = canvas.axes
-        for row in rows[held_out]:
+        for row in rows[aside]:
             axes.axhspan(row - 0.5, row + 0.5, color=FAINT, lw=0)
         axes.hlines(rows, after_mm if after else floor, before, color=SOFT, lw=0.8)
         axes.plot(before, rows, color=VERMILLION, marker="s", mfc="none", ls="none", label="before")
         if after:
             axes.plot(after_mm, rows, color=BLUE, marker="o", ls="none", label="after")
         axes.plot(floor, rows, color=INK, marker="|", ms=10, ls="none", label="noise")
-        axes.set_yticks(rows, [_label(run, run in held, after and run in not_followed) for run in chosen])
+        axes.set_yticks(rows, [_label(run, run in held, bool(after) and run in not_followed) for run in chosen])
         axes.set_ylim(-0.7, len(chosen) - 0.3)
         axes.grid(visible=False, axis="y")
         axes.set_xscale("log")
@@ -53,14 +54,14 @@ def gap_before_after(gap: dict[str, Any], not_followed: Sequence[str] = (), *, a
     return Figure(
         "gap",
         "The gap, before and after" if after else "The gap",
-        f"Squares: the model of robot.toml{AFTER if after else ''}. Strokes: noise floor. The start pose and random "
-        "effects of each run are fitted; start, clock and scale are those of the session. Shaded runs were held out: "
-        f"{HELD_OUT}.{shown}",
+        f"Squares: the model of robot.toml{f'; dots: {after}' if after else ''}. Strokes: noise floor. The start pose "
+        "and random effects of each run are fitted; start, clock and scale are those of the session. Shaded runs were "
+        f"held out: {held_out}.{shown}",
         (canvas.svg,),
         pd.DataFrame(
             {
                 "run": chosen,
-                "kept_aside": held_out,
+                "kept_aside": aside,
                 "followed": [run not in not_followed for run in chosen],
                 "before_um": 1000 * before,
                 "after_um": 1000 * after_mm,

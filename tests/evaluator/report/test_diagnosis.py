@@ -14,12 +14,12 @@ from evaluator.report.diagnosis.next_runs import next_runs_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.values import length, parameter, parameters, sizes
 from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.where import where_sentences
 from evaluator.report.diagnosis.words import (
     left_out_sentence,
     not_tried_sentence,
     rivals_sentence,
     verdict_sentence,
-    where_sentences,
 )
 from evaluator.report.numbers import UNKNOWN
 from evaluator.report.verdict import verdict_lines
@@ -164,7 +164,7 @@ def test_a_disagreement_beside_the_verdict_none_is_said_to_be_within_what_is_kno
     assert opening in sentences[0]
     assert "278 degrees" in sentences[-1]
     assert where_sentences({**content, "where": []}, 4) == []
-    faint, told = ({"sentence": SENTENCE, "sigmas": sigmas} for sigmas in (1.9, 2.1))
+    faint, told = ({"sentence": SENTENCE, "sigmas": sigmas} for sigmas in (1.9, SHOWN_SIGMAS))
     assert where_sentences({**content, "where": [faint]}, 4) == []
     assert where_sentences({**content, "where": [faint, told]}, 4) == sentences
 

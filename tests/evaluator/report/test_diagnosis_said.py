@@ -114,7 +114,9 @@ def test_a_gap_has_its_halves_its_held_out_runs_and_those_not_followed(monkeypat
     assert section.tables[0].rows == (("slow and fast", "0.090 %", "no"), ("left and right", "0.10 %", "yes"))
     bare = sections._gap({"verdict": "unknown", "gap": {**GAP, "held_out_runs": ["r3"]}, "runs_not_followed": ["r5"]})
     assert bare is not None
-    assert bare.text[1].startswith("Held-out runs: r3; the sizes")
+    assert bare.text[1] == (
+        "Held-out runs: r3; values were adjusted without them, but the verdict is that of all runs."
+    )
     assert (len(bare.text), bare.tables) == (2, ())
     assert sections._gap({"gap": {"before": {}}}) is None
 

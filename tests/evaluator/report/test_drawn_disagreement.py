@@ -162,21 +162,22 @@ def test_panels_show_the_strongest_dependence_of_each_kind_once_and_six_at_most(
         dependence("place", "across_mm_s", "odd", sigmas=3.6),
     ]
     monkeypatch.setattr(disagreement, "every_dependence", lambda _: items)
-    found = disagreement.disagreement_panels(pieces())
+    found = disagreement.disagreement_panels(pieces(), after="with values adjusted")
     assert found is not None
     titles = [one.set_title.call_args.args[0] for one in axes]
     assert titles == ["speed along the robot, 9 sigmas", "speed along the robot, 8 sigmas", "sideways speed, 4 sigmas"]
+    assert "robot.toml; dots: after, with values adjusted." in found.caption
     assert found.caption.endswith(disagreement.ON_PLATE_WORDS)
     assert [line.text for line in found.legend] == ["before", "after"]
     kinds = ("speed", "difference", "the first second", "order of the runs", "direction times side")
     items[:] = [dependence(by, quantity) for by in kinds for quantity in ("along_mm_s", "across_mm_s")]
-    few = disagreement.disagreement_panels(pieces(), after=False)
+    few = disagreement.disagreement_panels(pieces(), after="")
     assert few is not None
     assert (len(few.panels), few.legend) == (6, ())
     assert disagreement.ON_PLATE_WORDS not in few.caption
-    assert disagreement.AFTER_WORDS not in few.caption
+    assert "dots" not in few.caption
     items[:] = items[:0]
-    assert disagreement.disagreement_panels(pieces()) is None
+    assert disagreement.disagreement_panels(pieces(), after="so") is None
     many = pd.concat([pieces()] * 126, ignore_index=True)  # 504 pieces
     assert len(disagreement._thinned(many)) == 168
 

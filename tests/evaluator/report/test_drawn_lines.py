@@ -17,6 +17,8 @@ from evaluator.report.pages.colors import INK, SOFT, VERMILLION
 from simulator.robot import load_robot
 from tests.evaluator.report.shown import Shown, labels, limits, lines, shown, turned, undrawn
 
+WORDS = {"after": "with values adjusted", "held_out": "adjusted without them"}
+
 
 @dataclass(frozen=True)
 class Seen(Shown):
@@ -158,7 +160,7 @@ def test_gaps_are_drawn_in_rows_held_out_runs_are_shaded_and_those_not_followed_
     each = {"a": (0.1, 0.01), "b": (0.3, 0.02), "c": (0.2, 0.2)}
     by_run = {run: {"before": before, "after": after, "noise_floor": 0.005} for run, (before, after) in each.items()}
     content = {"by_run": by_run, "held_out_runs": ["c"]}
-    figure = gap.gap_before_after(content, ["c"])
+    figure = gap.gap_before_after(content, ["c"], **WORDS)
     assert figure is not None
     assert lines(axes[0]) == [([0.3, 0.2, 0.1], [2, 1, 0]), ([0.02, 0.2, 0.01], [2, 1, 0]), ([0.005] * 3, [2, 1, 0])]
     bars = [np.asarray(part).tolist() for part in axes[0].hlines.call_args.args]
@@ -169,20 +171,22 @@ def test_gaps_are_drawn_in_rows_held_out_runs_are_shaded_and_those_not_followed_
     axes[0].set_xlabel.assert_called_once_with("RMS distance of simulated and measured marks, µm")
     assert axes[0].xaxis.set_major_formatter.call_args.args[0](0.02, 0) == "20"
     assert "The 40" not in figure.caption
-    open_ended = gap.gap_before_after(content, ["c"], after=False)
+    assert "dots: with values adjusted. Strokes" in figure.caption
+    assert figure.caption.endswith("Shaded runs were held out: adjusted without them.")
+    open_ended = gap.gap_before_after(content, ["c"], **{**WORDS, "after": ""})
     assert open_ended is not None
     assert open_ended.title == "The gap"
     assert "dots" not in open_ended.caption
     assert len(lines(axes[1])) == 2
     assert [np.asarray(part).tolist() for part in axes[1].hlines.call_args.args][1] == [0.005] * 3
     assert axes[1].set_yticks.call_args.args[1] == ["b", "c (held out)", "a"]
-    many = gap.gap_before_after({"by_run": {f"r{k}": by_run["a"] for k in range(41)}})
+    many = gap.gap_before_after({"by_run": {f"r{k}": by_run["a"] for k in range(41)}}, **WORDS)
     assert many is not None
     assert (len(many.data), "The 40 runs with the largest gap of 41." in many.caption) == (40, True)
     large = {"by_run": {"a": {"before": 1.0, "after": 0.5, "noise_floor": 0.5}}}
-    gap.gap_before_after(large)
+    gap.gap_before_after(large, **WORDS)
     axes[3].set_xlabel.assert_called_once_with("RMS distance of simulated and measured marks, mm")
-    assert gap.gap_before_after({}) is None
+    assert gap.gap_before_after({}, **WORDS) is None
 
 
 def test_repetitions_stand_in_the_band_of_their_scatter_the_widest_first(monkeypatch: pytest.MonkeyPatch) -> None:

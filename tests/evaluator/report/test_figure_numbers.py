@@ -89,7 +89,7 @@ def test_the_gap_of_every_run_is_shown_in_micrometres_the_largest_first(monkeypa
         "small": {"before": 0.02, "after": 0.004, "noise_floor": 0.005},
         "large": {"before": 0.4, "after": 0.006, "noise_floor": 0.005},
     }
-    found = gap_before_after({"by_run": by_run, "held_out_runs": ["small"]}, ["large"])
+    found = gap_before_after({"by_run": by_run, "held_out_runs": ["small"]}, ["large"], after="so", held_out="")
     assert found is not None
     assert found.data["run"].tolist() == ["large", "small"]
     assert found.data["before_um"].tolist() == pytest.approx([400.0, 20.0])
@@ -120,7 +120,9 @@ def test_a_robot_of_a_metre_is_shown_in_metres_and_newtons_and_without_the_paper
         assert ratio is not None
         assert ("magnetic" in ratio.caption) == ("equation" in ratio.panels[0]) == said
         assert "radius, m<" in ratio.panels[0]
-    found = gap_before_after({"by_run": {"a": {"before": 400.0, "after": 80.0, "noise_floor": 50.0}}})
+    found = gap_before_after(
+        {"by_run": {"a": {"before": 400.0, "after": 80.0, "noise_floor": 50.0}}}, after="so", held_out=""
+    )
     assert found is not None
     assert "marks, mm" in found.panels[0]
 

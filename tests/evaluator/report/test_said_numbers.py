@@ -11,13 +11,12 @@ import pandas as pd
 import pytest
 
 from evaluator.report import sections
-from evaluator.report.numbers import METRES, MILLIMETRES, command_text, interval, series_row
+from evaluator.report.numbers import METRES, MILLIMETRES, command_text, interval
 from evaluator.report.pages.html import Table
 from evaluator.report.runs import _by_places_mm
 from evaluator.report.sections import _quality, _run_table
 from evaluator.report.summary import headline, summary
 from evaluator.report.tables import directions_table, outline_table, pooled_table, slip_table, standard_sentence
-from evaluator.turning.circular_test import Estimate, Series
 from tests.evaluator.report.shown import Shown, shown, turned
 
 NONE = pd.DataFrame()
@@ -302,19 +301,6 @@ def test_quality_tells_what_was_seen_and_how_well(monkeypatch: pytest.MonkeyPatc
         "frame-to-frame correlation": ("0.21",),
         "start delay, s": ("0.017",),
     }
-
-
-def test_a_series_of_a_circular_test_has_the_digits_of_its_intervals() -> None:
-    item = Series(
-        *("constant command", "forward", "left", 0.43256, ("a", "b")),
-        *(Estimate(1.23456, 1.2, 1.27), Estimate(-0.5, -0.9, -0.1), Estimate(2.0, nan, nan)),
-    )
-    assert series_row("measured", item) == [
-        *("ratio 0.433", "forward, left", "2", "measured", "1.235 (1.200 to 1.270)", "−0.50 (−0.90 to −0.10)", "–")
-    ]
-    held = replace(item, method="constant radius", held=12.345678, steering=Estimate(1.0, 1.0, 1.0))
-    assert series_row("", held)[0] == "radius 12.35 mm"
-    assert series_row("", held)[4] == "1.000 (1.000 to 1.000)"
 
 
 def test_a_run_knows_its_phase_its_command_and_its_way() -> None:

@@ -1,7 +1,11 @@
-"""Digits of an estimate, mistakes before results, axes of the plate in an image, the path of a single mark."""
+"""Digits of estimates, mistakes before results, axes of the plate in an image, the path of a single mark, and the
+largest disagreement where none is significant.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,10 +15,13 @@ import pandas as pd
 import pytest
 
 from calibration.camera import camera_above
+from evaluator.diagnosis.assessment.residuals.disagreement import SHOWN_SIGMAS
+from evaluator.report.diagnosis.where import where_sentences
 from evaluator.report.figures.calibration import plate_axes_px
-from evaluator.report.numbers import UNKNOWN, _estimate
+from evaluator.report.numbers import UNKNOWN, _estimate, series_row
 from evaluator.report.runs import STRAIGHT_DEG, RunView
 from evaluator.report.summary import mistakes_first
+from evaluator.turning.circular_test import Estimate, Series
 from evaluator.workflow.results.outputs import Outputs
 
 
@@ -102,3 +109,29 @@ def test_a_run_is_straight_by_its_command_and_a_turn_by_what_was_measured(
     row = {"left_rpm": rpm[0], "right_rpm": rpm[1], "turned_deg": turned, "radius_mm": radius}
     run = RunView("a", "", row, {}, Outputs(Path()))
     assert (run.straight, run.backward, run.turns) == claims
+
+
+def test_a_series_of_a_circular_test_has_the_digits_of_its_intervals() -> None:
+    item = Series(
+        *("constant command", "forward", "left", 0.43256, ("a", "b")),
+        *(Estimate(1.23456, 1.2, 1.27), Estimate(-0.5, -0.9, -0.1), Estimate(2.0, nan, nan)),
+    )
+    assert series_row("measured", item) == [
+        *("ratio 0.433", "forward, left", "2", "measured", "1.235 (1.200 to 1.270)", "−0.50 (−0.90 to −0.10)", "–")
+    ]
+    held = replace(item, method="constant radius", held=12.345678, steering=Estimate(1.0, 1.0, 1.0))
+    assert series_row("", held)[0] == "radius 12.35 mm"
+    assert series_row("", held)[4] == "1.000 (1.000 to 1.000)"
+
+
+@pytest.mark.parametrize(
+    ("effects", "opening"), [([{"id": "plate-tilt"}], "Without these effects, no single"), ([], "No single")]
+)
+def test_the_largest_disagreement_below_the_limit_of_significance_is_not_told_as_one(
+    effects: list[dict[str, Any]], opening: str
+) -> None:
+    """ "The robot file and the runs disagree (3 sigmas)" stood beside a figure that is bold from 3.5 sigmas on."""
+    faint = {"verdict": "effect", "effects": effects, "where": [{"sentence": "it turns", "sigmas": SHOWN_SIGMAS - 0.1}]}
+    first, second = where_sentences(faint, 4)
+    assert first.startswith(f"{opening} dependence of the disagreement reaches 3.5 sigmas")
+    assert second == "It turns."

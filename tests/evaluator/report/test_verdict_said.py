@@ -11,6 +11,7 @@ from evaluator.diagnosis.assessment.verdict import KEEP
 from evaluator.report.diagnosis.next_runs import RUN_KEYS, next_runs, separations_sentence
 from evaluator.report.diagnosis.sections import diagnosis_sections
 from evaluator.report.diagnosis.view import DiagnosisView
+from evaluator.report.diagnosis.where import WITHOUT_EFFECTS
 from evaluator.report.diagnosis.words import (
     NAMED_LOG_ODDS,
     reason_sentence,
@@ -18,7 +19,7 @@ from evaluator.report.diagnosis.words import (
     verdict_sentence,
     words_of,
 )
-from evaluator.report.verdict import WITHOUT_EFFECTS, verdict_lines
+from evaluator.report.verdict import verdict_lines
 from evaluator.wording import NOTHING_MISSING
 
 SIZE = {"value": 1.8, "low": 1.7, "high": 1.9}
