@@ -25,7 +25,7 @@ from evaluator.report.measurement.budget import budget_section
 from evaluator.report.numbers import UNKNOWN, command_text, interval, number, true_minus
 from evaluator.report.pages.circular_test import circular_test_section
 from evaluator.report.pages.html import Section, Table
-from evaluator.report.runs import RunView, unit_of
+from evaluator.report.runs import RunView, column, unit_of
 from evaluator.report.style import Figure
 from evaluator.report.summary import tightest
 from evaluator.report.tables import (
@@ -137,10 +137,14 @@ def _quality(runs: Sequence[RunView], notes: dict[str, tuple[str, ...]]) -> Sect
         "start delay, s": lambda run: number(run.value("start_delay_s"), 3),
     }
     by_mark = "Marks: median standard uncertainty of a coordinate as stated by the tracker. "
-    caption = (by_mark if any(run.mark_names for run in runs) else "") + (
-        "Residual: RMS distance of the poses from the fitted motion; if much larger than the stated uncertainty, the "
-        "motion is not steady or the camera vibrates."
+    residual = (
+        "Residual: RMS distance of the poses from the fitted motion; if much larger than the uncertainty of the marks, "
+        "the motion is not steady or the camera vibrates."
     )
+    delay = " Start delay: a dash where the recording does not show the robot at rest before it starts."
+    stated = any(np.isfinite(_mark_sigma_um(run, name)) for run in runs for name in run.mark_names)
+    delayed = np.isfinite(column(runs, "start_delay_s")).any()
+    caption = (by_mark if stated else "") + residual + (delay if delayed else "")
     figures = tuple(figure for figure in (scale_check(runs), lost_frames(runs)) if figure)
     odd = tuple(f"{run}: {'; '.join(found)}." for run, found in notes.items())
     return Section("quality", "Quality of the measurement", odd, figures, (table_of_runs(caption, columns, runs),))
@@ -200,8 +204,8 @@ def _run_table(runs: Sequence[RunView], excluded: AbstractSet[str]) -> Section:
     if any(run.group for run in runs):
         columns["group"] = lambda run: run.group
     caption = (
-        "Radius: minimum turning radius of the robot's centre, sustained for a quarter turn; a dash if the run does "
-        "not turn. Full tables: turning.csv and comparison.csv."
+        "Radius: minimum turning radius of the robot's centre, sustained for a quarter turn, or over the whole of a "
+        "shorter turn; a dash if the run does not turn. Full tables: turning.csv and comparison.csv."
     )
     status = {run.id: str(run.turning["radius_status"]) for run in runs}
     text = tuple(

@@ -12,6 +12,7 @@ import pandas as pd
 from evaluator.report.diagnosis.gap import gap_sentence
 from evaluator.report.diagnosis.words import (
     as_sentence,
+    equivalents_sentence,
     moved_marks_sentence,
     reason_sentence,
     verdict_sentence,
@@ -114,8 +115,11 @@ def diagnosis_sentence(diagnosis: dict[str, Any]) -> str:
     """The result of `turnscope diagnose` in two or three sentences; of what is not explained, with the reason."""
     open_end = diagnosis.get("verdict") in ("unknown", "insufficient")
     reason = reason_sentence(diagnosis) if open_end else ""
-    gap = gap_sentence(diagnosis) if diagnosis.get("effects") else ""
-    return " ".join(filter(None, (verdict_sentence(diagnosis), reason, moved_marks_sentence(diagnosis), gap)))
+    effects = diagnosis.get("effects") or []
+    gap = gap_sentence(diagnosis) if effects else ""
+    alike = [equivalents_sentence(effect) for effect in effects] if diagnosis.get("verdict") == "effect" else []
+    said = verdict_sentence(diagnosis), *alike, reason, moved_marks_sentence(diagnosis), gap
+    return " ".join(filter(None, said))
 
 
 def _scale(runs: Sequence[RunView]) -> str:
@@ -197,12 +201,18 @@ def _directions(directions: pd.DataFrame) -> str:
     over = f"{len(known)} pairs of commands" if len(known) > 1 else "one pair of commands"
     least, most = (significant(bound, 2, sign=True) for bound in (change.low, change.high))
     bounds = f"95 %: {least} to {most} %, {over}"
+    # several pairs scatter, and so do several runs; of a single one the measurement is all that is known
+    once = len(known) == 1 and known[["forward_runs", "backward_runs"]].to_numpy().min() == 1
+    if once:
+        bounds = (
+            f"95 % of the measurement alone: {least} to {most} %; a single run does not show what varies between runs"
+        )
     if change.low <= 0 <= change.high:
         return f"Forward and backward turns do not differ significantly ({bounds})."
-    way = "tighter" if change.mean < 0 else "wider"
-    return (
-        f"Backward turns are {_percent(abs(change.mean))} {way} than forward turns at the same wheel speeds ({bounds})."
-    )
+    size = f"{_percent(abs(change.mean))} {'tighter' if change.mean < 0 else 'wider'}"
+    if once:
+        return f"The backward turn was {size} than the forward turn at the same wheel speeds ({bounds})."
+    return f"Backward turns are {size} than forward turns at the same wheel speeds ({bounds})."
 
 
 def _agreement(turning: Sequence[RunView], *, explained: bool) -> str:

@@ -104,9 +104,11 @@ def test_lengths_are_doubtful_where_marks_are_three_per_cent_from_where_they_sho
 
 
 def test_backward_turns_are_pooled_by_their_intervals_and_differ_where_these_leave_nought_out() -> None:
-    def both(*changes: tuple[float, float]) -> str:
+    def both(*changes: tuple[float, float], runs: int = 2) -> str:
         rows = [
             {
+                "forward_runs": 2,
+                "backward_runs": runs,
                 "radius_change_percent": change,
                 "radius_change_low_percent": change - half,
                 "radius_change_high_percent": change + half,
@@ -124,6 +126,10 @@ def test_backward_turns_are_pooled_by_their_intervals_and_differ_where_these_lea
     assert "Backward turns are 3.0 % wider" in many
     assert "(95 %: +1.1 to +4.9 %, 3 pairs of commands)" in many
     assert "Backward" not in both((2.0, nan))
+    alone = both((2.4, 0.9), runs=1)  # it was told of all turns, where friction varies by 14 % from run to run
+    assert "The backward turn was 2.4 % wider than the forward turn at the same wheel speeds" in alone
+    assert "(95 % of the measurement alone: +1.5 to +3.3 %; a single run does not show what varies" in alone
+    assert "measurement alone" not in both((2.9, 1.5), (3.0, 1.5), runs=1)
 
 
 def test_runs_without_a_result_are_counted_among_all_and_five_of_them_named() -> None:
@@ -301,6 +307,15 @@ def test_quality_tells_what_was_seen_and_how_well(monkeypatch: pytest.MonkeyPatc
         "frame-to-frame correlation": ("0.21",),
         "start delay, s": ("0.017",),
     }
+    assert section.tables[0].caption.endswith(
+        "a dash where the recording does not show the robot at rest before it starts."
+    )
+    del more["start_delay_s"]
+    given = replace(seen, turning=turned("a", 9.0, **more).turning, marks=seen.marks[[]])
+    unstated = _quality([given], {}).tables[0]  # of marks.csv without uncertainties the caption told of their column
+    assert unstated.caption.startswith("Residual: ")
+    assert "Start delay" not in unstated.caption
+    assert set(unstated.head).isdisjoint({"green, µm", "start delay, s"})
 
 
 def test_a_run_knows_its_phase_its_command_and_its_way() -> None:

@@ -19,6 +19,7 @@ from evaluator.report.diagnosis.words import (
     verdict_sentence,
     words_of,
 )
+from evaluator.report.summary import diagnosis_sentence
 from evaluator.report.verdict import verdict_lines
 from evaluator.wording import NOTHING_MISSING
 
@@ -147,6 +148,13 @@ def test_of_three_things_the_first_two_have_a_comma_and_the_last_an_and() -> Non
         "the answer from dead-band (0.5 sigmas): inspect the robot, the plate and the wires, or drive faster."
     )
     assert words_of("dead-band + plate-tilt") == "dead-band with plate-tilt"
+
+
+def test_the_summary_names_what_an_effect_cannot_be_distinguished_from() -> None:
+    """It named a tilt alone, and the wire that explains the runs as well stood a page below."""
+    said = diagnosis_sentence({**FOUND, "effects": [{**TILT, "equivalent": ["tether-spring"]}]})
+    assert "cannot distinguish plate-tilt from: a wire pulls toward a fixed anchor (tether-spring)" in said
+    assert "distinguish" not in diagnosis_sentence(FOUND)
 
 
 def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_be_distinguished() -> None:
