@@ -189,6 +189,7 @@ def test_a_run_without_a_result_has_its_reason_and_groups_a_column() -> None:
     section = sections._run_table(runs, set())
     assert section.text == ("b: short, −1 s.",)
     assert section.tables[0].head[-1] == "group"
+    assert "for a quarter turn, or over the whole of a shorter turn" in section.tables[0].caption
     assert sections._sentences(("sound: so", "", "sound: so.", "next")) == ("Sound: so.", "Next.")
     assert (unit_of([]).name, unit_of([replace(runs[0], unit=METRES)]).name) == ("mm", "m")
 
