@@ -181,6 +181,46 @@ def test_a_fit_under_usual_scatter_goes_on_only_where_it_ended_with_usual_fricti
     assert search.failed == ({} if converged else {A: second})
 
 
+@pytest.mark.parametrize(
+    ("freed", "widened", "led", "best"),
+    [
+        (8.0, [], None, 8.0),
+        (7.0, [], None, 7.0),  # as probable as with usual friction and gains
+        (3.0, [7.1, 7.2], 6.0, 6.0),
+        (3.0, [7.1, 7.2], 2.0, 3.0),
+        (3.0, [7.1, None], None, 3.0),  # runs cannot be simulated on the way
+        (None, [7.1, 7.2], 6.0, 6.0),
+        (None, [7.1, 7.2], None, 7.0),
+    ],
+)
+def test_a_fit_that_is_less_probable_with_any_friction_at_once_is_led_there_by_widening_steps(
+    freed: float | None, widened: list[float | None], led: float | None, best: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    answers = iter([5.0, 7.0, freed, *widened, *([led] if widened and widened[-1] else [])])
+
+    def fitted(_: Any, begin: Point, *given: Any, **__: Any) -> Any:
+        asked.append((given[4], begin.nominal.get("from")))
+        evidence = next(answers)
+        if evidence is None:
+            raise FloatingPointError
+        found = of(evidence, converged=len(asked) > 1)
+        found.point = replace(found.point, nominal={"from": evidence})
+        return found
+
+    monkeypatch.setattr("evaluator.diagnosis.inference.search.fit_model", fitted)
+    found = fit_set(searching(fits={NONE: of(0.0)}), A, {}, of(0.0))
+    assert found is not None
+    assert found.posterior.log_evidence == best
+    usual = (0.03, 0.006, 0.006, 1.0)
+    twice, four = (tuple(times * size for size in usual) for times in (2.0, 4.0))
+    steps = [(None, 7.0), (twice, 7.0), (four, 7.1), (None, 7.2)][
+        : 1 + 2 * bool(widened) + (led is not None or widened == [7.1, 7.2])
+    ]
+    assert asked[2:] == steps
+    assert next(answers, "none left") == "none left"
+
+
 def test_a_screened_set_is_fitted_from_its_two_best_places_and_hopeless_ones_are_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
