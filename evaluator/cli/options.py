@@ -10,8 +10,23 @@ from typing import Any
 
 import click
 
+from evaluator.errors import InputError
+
 PATH: click.Path = click.Path(path_type=Path)
-FOLDER: click.Path = click.Path(path_type=Path, file_okay=False)
+
+
+class _Folder(click.Path):
+    """A folder of results, which may not exist yet; a file in its place is refused before the work."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """The path. Raises InputError for a file."""
+        path = Path(str(super().convert(value, param, ctx)))
+        if path.is_file():
+            raise InputError(f"{path}: is a file; give a folder for the results (-o)")
+        return path
+
+
+FOLDER = _Folder(path_type=Path)
 
 experiment_argument = click.argument("experiment", type=PATH, metavar="EXPERIMENT.toml")
 out_option = click.option(
