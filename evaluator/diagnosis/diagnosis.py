@@ -16,6 +16,7 @@ from evaluator.diagnosis.assessment.sole_run import (
 )
 from evaluator.diagnosis.design.next_runs import best_next_runs
 from evaluator.diagnosis.experiment import Session, shortcomings
+from evaluator.diagnosis.inference.fit import EXCESS
 from evaluator.diagnosis.inference.fit_cache import FitCache
 from evaluator.diagnosis.inference.limits import limits
 from evaluator.diagnosis.inference.watch import Cores, Watch
@@ -134,7 +135,8 @@ def _without(
         tail = f"the finding with {data[suspect].id}, {found.summary}, rests on this run alone"
         return Diagnosis("insufficient", f"{again.reason}; {tail}", found.session, stopped=True)
     simpler = again.chosen < found.chosen or (again.chosen == found.chosen and suspect in found.outlying)
-    if not hides and (again.verdict not in ("none", "effect") or not (found.verdict == "unknown" or simpler)):
+    decided = again.verdict in ("none", "effect") and (found.verdict == "unknown" or simpler)
+    if not (hides or decided or (found.verdict == "unknown" and _is_only_undecided(again))):
         return None
     if _is_followed(found, again, suspect):
         more = ", ".join(sorted(found.chosen - again.chosen))
@@ -150,6 +152,12 @@ def _without(
     if only and (hides or again.verdict == "effect"):
         odd = replace(odd, sentence=f"{odd.sentence}; {ONLY_THERE}")
     return replace(again, session=replace(rest, mistakes=(*rest.mistakes, odd)))
+
+
+def _is_only_undecided(found: Diagnosis) -> bool:
+    """Whether runs that decide nothing leave noise without an effect: what contradicts them is no missing physics."""
+    no_more = found.verdict == "insufficient" and not found.chosen and not found.outlying
+    return no_more and found.leftover is not None and found.leftover.excess <= EXCESS
 
 
 def _is_followed(found: Diagnosis, again: Diagnosis, run: int) -> bool:

@@ -55,6 +55,10 @@ CREEPS_SHARE = 0.2  # of that speed: a faster robot is moving
 SHOWS_USUAL_S = 3 * HELD_S  # of motion: twice as much as a disturbance is of the usual kind
 MOST_CHANGED = 0.25  # of the runs: failing motors and commands that nobody noted do not gather
 SETTLED_S = 0.5  # time after the start in which the motors reach their speed
+# Time after the start from which a disturbance is sought: motors that lag by 0.1 s are within a twelfth of their speed,
+# and what still changes counts as a change of velocity. After SETTLED_S, pushes 0.6 s after the start of runs of 1.1 s
+# were not seen, and gave the verdict "unknown".
+STEADY_S = 0.25
 
 
 def wrong_scale(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
@@ -269,7 +273,7 @@ def _span(run: RunData) -> tuple[float, float]:
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     begins = onset(run) if run.time_s[0] < run.start_s else None
     start = max(run.start_s, float(run.time_s[0]), -np.inf if begins is None else begins.time_s)
-    return start + SETTLED_S, end
+    return start + STEADY_S, end
 
 
 def _carried_off(run: RunData) -> Found | None:

@@ -90,6 +90,8 @@ def lasting_change(motion: Motion) -> tuple[float, float, float] | None:
     split = first + int(np.argmin(apart))
     at_s = float(motion.time_s[split - 1 : split + 1].mean())
     sides = speed[motion.time_s < at_s - WINDOW_S], speed[motion.time_s > at_s + WINDOW_S]
+    if min(map(len, sides)) < 2:  # frames are missing there
+        return None
     before, after = (float(np.median(side)) for side in sides)
     scatter = max(PER_MEDIAN * float(np.median(np.abs(side - np.median(side)))) for side in sides)
     slow = max(abs(float(np.median(a) - np.median(b))) for a, b in (np.array_split(side, 2) for side in sides))

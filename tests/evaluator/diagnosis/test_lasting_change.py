@@ -53,6 +53,14 @@ def test_a_change_is_larger_than_the_scatter_on_either_side_and_than_their_own_c
     assert lasting_change(motion(step + np.where(TIMES < 3.0, 0.4, 0.9) * (TIMES % 3.0))) is None
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_change_beside_which_frames_are_missing_is_none() -> None:
+    for first, told in ((1, False), (2, True)):  # moments before it, of whose halves one would have none
+        found = motion(np.where(np.arange(len(TIMES)) < first, 1.5, -1.5))
+        found = replace(found, time_s=TIMES + 2.0 * (np.arange(len(TIMES)) >= first))
+        assert (lasting_change(found) is not None) == told
+
+
 def test_speeds_are_those_beside_the_window_of_the_change() -> None:
     """Windows that hold both speeds are of neither."""
     speed = np.where(TIMES < 3.0, 1.5, -1.5)
@@ -72,7 +80,7 @@ def test_a_run_that_is_too_short_for_both_shows_no_change() -> None:
 def test_motors_that_are_reversed_without_a_word_are_told_with_time_speeds_and_what_to_do() -> None:
     (found,) = changed(changing())
     assert (found.run, found.kind) == ("r0", "wrong-command")
-    assert found.seen == "drives at 2 mm/s until 3.01 s and at −2 mm/s from there on, though its command stays"
+    assert found.seen == "drives at 2 mm/s until 2.99 s and at −2 mm/s from there on, though its command stays"
     assert (
         "did a motor fail, or does something hold it? Name its command log (commands), or end it there" in found.remedy
     )

@@ -98,6 +98,27 @@ def test_what_others_do_not_need_is_no_physics_unless_no_other_drives_alike(
 
 
 @pytest.mark.parametrize(
+    ("excess", "chosen", "outlying", "verdict", "said"),
+    [
+        (1.0, frozenset[str](), (), "unknown", "insufficient"),
+        (1.2, frozenset[str](), (), "unknown", "unknown"),  # more than noise is left in the others
+        (1.0, TILT, (), "unknown", "unknown"),
+        (1.0, frozenset[str](), (2,), "unknown", "unknown"),
+        (1.0, frozenset[str](), (), "effect", "effect"),
+    ],
+)
+def test_others_that_decide_nothing_but_leave_noise_show_that_one_run_is_odd(
+    monkeypatch: pytest.MonkeyPatch, excess: float, chosen: frozenset[str], outlying: Any, verdict: Any, said: str
+) -> None:
+    """A pushed run, 0.36 mm off where ten others leave noise, was missing physics: their friction differs by 18 %."""
+    rest = replace(NOTHING, verdict="insufficient", chosen=chosen, outlying=outlying)
+    rest = replace(rest, leftover=SimpleNamespace(excess=excess))  # type: ignore[arg-type]
+    found = diagnosed(monkeypatch, finding(verdict, chosen=TILT), rest, similar=True)
+    assert found.verdict == said
+    assert [item.runs for item in found.session.mistakes] == ([("r3",)] if said == "insufficient" else [])
+
+
+@pytest.mark.parametrize(
     ("kind", "corrected", "said"),
     [
         ("wrong-command", True, "none"),  # exactly that of another run
