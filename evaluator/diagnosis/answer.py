@@ -74,6 +74,8 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         verdict, reason = _on_ground(verdict, reason, reserve)
     elif reserve:
         verdict, (chosen, reason) = "unknown", _nearest(reserve, search, table, chosen, session)
+    open_question = _undecided(search, table, session, chosen) if verdict == "effect" else ""
+    reason = "; ".join(filter(None, (reason, open_question)))
     if few := _too_few(verdict, reason, search, table, chosen, session):
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
@@ -95,16 +97,16 @@ def _on_ground(verdict: Verdict, reason: str, reserve: str) -> tuple[Verdict, st
     return verdict, f"{reason}; {reserve}"
 
 
-def _undecided(search: Search, table: Standing, session: Session) -> str:
-    """Why the runs do not exclude an effect that would matter; empty if they exclude all.
+def _undecided(search: Search, table: Standing, session: Session, chosen: Set = frozenset()) -> str:
+    """Why the runs do not exclude an effect beside the chosen ones that would matter; empty if they exclude all.
 
     An effect equivalent to a value that contradicts its tolerance is told as that value.
     """
-    possible, why = undecided(search, table)
-    off = [item for item in knowledge(session.known, search.null) if item.is_finding] if possible else []
+    possible, why = undecided(search, table, chosen)
+    off = [item for item in knowledge(session.known, search.fits[chosen]) if item.is_finding] if possible else []
     if possible <= {effect for item in off for effect in item.equivalent}:
         return ""
-    done = (changes(search.problem, search.fits[possible], effect) for effect in possible)
+    done = (changes(search.problem, search.fits[chosen | possible], effect) for effect in possible)
     return why if any(item.matter(session.relevant) for item in done) else ""
 
 

@@ -176,19 +176,21 @@ def best_named(search: Search, table: Standing, families: int) -> Set:
     return min(as_large, key=lambda ids: sum(search.terms[effect].size for effect in ids))
 
 
-def undecided(search: Search, table: Standing) -> tuple[Set, str]:
-    """The most probable set that could be right but is not proven, and why the runs do not decide; empty without one.
+def undecided(search: Search, table: Standing, chosen: Set = frozenset()) -> tuple[Set, str]:
+    """Effects beside the chosen ones that may act but are not proven, and why the runs do not decide; else empty.
 
-    On open ground odds decide nothing.
+    They are those of the most probable set that could be right and has the chosen ones. On open ground odds decide
+    nothing.
     """
-    could = (ids for ids in table.sets if ids and not any(map(is_free, ids)) and may_be_right(search, ids))
-    best = next(could, frozenset())
-    odds = table.of(best) - table.of(frozenset())
+    more = (ids for ids in table.sets if ids > chosen and not any(map(is_free, ids)) and may_be_right(search, ids))
+    best = next(more, chosen)
+    odds = table.of(best) - table.of(chosen)
     if search.problem.open_ground or odds <= UNDECIDED:
         return frozenset(), ""
     needed = f"an effect is named from {round(math.exp(KEEP[1]), -3):.0f} to 1 on"
     said = f"odds of {math.exp(odds):.0f} to 1; {needed}" if odds < KEEP[1] else f"{needed}, which not each of them has"
-    return best, f"{' with '.join(sorted(best))} would make these runs more probable, but is not proven ({said})"
+    which = f"{' with '.join(sorted(best - chosen))}{' besides' * bool(chosen)}"
+    return best - chosen, f"{which} would make these runs more probable, but is not proven ({said})"
 
 
 def decide(

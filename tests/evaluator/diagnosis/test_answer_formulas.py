@@ -21,7 +21,7 @@ from tests.evaluator.diagnosis.synthetic import run_data
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-NONE, A, AB = frozenset[str](), frozenset({"a"}), frozenset({"a", "b"})
+NONE, A, B, AB = frozenset[str](), frozenset({"a"}), frozenset({"b"}), frozenset({"a", "b"})
 FREE = frozenset({"free:x"})
 LARGE, SMALL = Changes(9.0, 9.0, 9.0), Changes(0.0, 0.0, 0.0)
 
@@ -129,23 +129,23 @@ def test_effects_of_which_none_matters_are_no_answer(
 
 
 @pytest.mark.parametrize(
-    ("possible", "small", "chosen", "verdict"),
+    ("possible", "small", "chosen", "verdict", "reason"),
     [
-        (NONE, {}, NONE, "none"),
-        (A, {}, NONE, "insufficient"),
-        (A, {"a": SMALL}, NONE, "none"),  # it would not matter
-        (A, {}, A, "effect"),
+        (NONE, {}, NONE, "none", "so"),
+        (A, {}, NONE, "insufficient", "odds"),
+        (A, {"a": SMALL}, NONE, "none", "so"),  # it would not matter
+        (B, {}, A, "effect", "so; odds"),  # beside one that is named it is told
+        (B, {"b": SMALL}, A, "effect", "so"),
+        (NONE, {}, A, "effect", "so"),
     ],
 )
 def test_runs_that_neither_prove_nor_exclude_an_effect_that_would_matter_decide_nothing(
-    possible: frozenset[str], small: dict[str, Changes], chosen: frozenset[str], verdict: str,
+    possible: frozenset[str], small: dict[str, Changes], chosen: frozenset[str], verdict: str, reason: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     decided = (chosen, "effect" if chosen else "none")
     found = answered(monkeypatch, decided, possible=possible, changes=small)
-    assert (found.verdict, found.chosen, found.reason) == (
-        verdict, chosen, "odds" if verdict == "insufficient" else "so",
-    )  # fmt: skip
+    assert (found.verdict, found.chosen, found.reason) == (verdict, chosen, reason)
 
 
 @pytest.mark.parametrize(

@@ -90,3 +90,13 @@ def test_an_effect_of_twenty_to_one_is_not_excluded(odds: float, said: str) -> N
     assert undecided(search, table) == ((A, expected) if said else (NONE, ""))
     assert undecided(*ranked({NONE: 0.0, A: odds}, on_ground=True)) == (NONE, "")
     assert undecided(*ranked({NONE: 0.0})) == (NONE, "")
+
+
+def test_what_may_act_beside_a_named_effect_is_told_with_its_odds_over_that_alone() -> None:
+    """Friction 1.66 times the stated one, beside a drift of the speed, at odds of 38 to 1: no word of it was said."""
+    search, table = ranked({NONE: 0.0, A: 50.0, B: 60.0, AB: 50.0 + math.log(38.1)})
+    told = "b besides would make these runs more probable, but is not proven (odds of 38 to 1; an effect is named from"
+    rival, why = undecided(search, table, A)
+    assert (rival, why.startswith(told)) == (B, True)
+    assert undecided(search, table, B) == (NONE, "")
+    assert undecided(search, table, AB) == (NONE, "")
