@@ -170,7 +170,7 @@ def radius(row: Mapping[Hashable, Any], unit: LengthUnit) -> tuple[str, str]:
         shown = f"{value / unit.mm:.3f}"
         return f"{shown} ({mark})" if mark else shown, f"{low / unit.mm:.3f} to {high / unit.mm:.3f}"
     little = math.isfinite(value) or str(status).startswith("turns too little")
-    unproven = little or str(status).startswith("no certain turn")  # turning.status.UNCERTAIN
-    if str(status).startswith("straight") or (unproven and row["left_rpm"] == row["right_rpm"]):
+    unproven = little or str(status).startswith("straight or")  # turning.status.UNCERTAIN
+    if row["left_rpm"] == row["right_rpm"] if unproven else str(status).startswith("straight"):
         return "straight", ""
     return TOO_LITTLE if little else DASH, ""

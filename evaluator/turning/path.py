@@ -47,7 +47,7 @@ class PointPath:
     @property
     def straight(self) -> bool:
         """Whether the path has no radius because it is nearly a line; status then gives its curvature."""
-        return self.status.startswith(("straight", UNCERTAIN))
+        return self.status.startswith("straight")
 
     def summary(self, unit: str) -> str:
         """Text of one line; unit: of lengths."""

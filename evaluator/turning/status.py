@@ -18,7 +18,7 @@ PX_FAR = 50.0  # coordinates in px extend beyond this, and are not negative
 # A radius is stated if its 95 % bounds are within a factor of three: the curvature is then four standard uncertainties
 # from zero, so that a straight run counts as a turn once in 16,000, not once in 20.
 LEAST_CERTAIN = 0.5
-UNCERTAIN = "no certain turn"  # status of a run that is less certain, but whose interval excludes a straight path
+UNCERTAIN = "straight or hardly turning"  # of a run that is less certain, but whose interval excludes a straight path
 LEAST_TURN_DEG = 1.0  # a smaller turn looks straight, and no calibration is certain to distinguish it
 VARIES_SHARE = STEADY_SHARE  # of the mean curvature: largest standard deviation within a steady turn
 

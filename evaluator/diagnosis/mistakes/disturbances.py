@@ -166,17 +166,18 @@ def disturbed_runs(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Fou
         first = outruns_its_wheels(run, robot) or next((item for item in by_phase if item is not None), None)
         if first is not None:
             found.append(first)
-        elif run.log is None and (item := _changed(*moving[0])) is not None:
+        elif run.log is None and (item := _changed(moving[0][0])) is not None:
             changed.append(item)
     accidents = len(changed) <= MOST_CHANGED * len(data)  # many runs change by their physics
     return found + changed * accidents
 
 
-def _changed(run: RunData, motion: Motion | None) -> Found | None:
+def _changed(run: RunData) -> Found | None:
     """A run at one command whose speed changes at once and for good: a motor that fails, or another command.
 
     Not a turn on the spot, whose centre may leave one motion for another by itself.
     """
+    motion = _usual_motion(run, SETTLED_S)
     changed = None if motion is None or run.left_rpm * run.right_rpm < 0 else lasting_change(motion)
     if changed is None:
         return None
@@ -217,7 +218,7 @@ def _stands_since(run: RunData, robot: Robot) -> float | None:
     """
     if way_over_rolled(run, robot) < STANDS_SHARE:
         return run.start_s
-    begin, end = _span(run)
+    begin, end = _span(run, SETTLED_S)
     before, after = _part(run, run.start_s, begin), _part(run, begin, end)
     if before is None or after is None or end < begin + 2 * HELD_S:
         return None
@@ -265,15 +266,15 @@ def _others_stand_too(phase: RunData, counts: Mapping[tuple[tuple[float, float],
     return any(sum(kind.values()) > 1 and all(stands for _, stands in kind) for kind in (alike, slower))
 
 
-def _span(run: RunData) -> tuple[float, float]:
-    """Interval, s, in which a run moves at its command: after its motors have reached their speed, until they stop.
+def _span(run: RunData, after_s: float = STEADY_S) -> tuple[float, float]:
+    """Interval, s, in which a run moves at its command: some time after its start, until its motors stop.
 
     If the recording shows the robot at rest before, it begins where motion does: a late start is no hold.
     """
     end = float(run.time_s[-1]) if run.stop_s is None else min(run.stop_s, float(run.time_s[-1]))
     begins = onset(run) if run.time_s[0] < run.start_s else None
     start = max(run.start_s, float(run.time_s[0]), -np.inf if begins is None else begins.time_s)
-    return start + STEADY_S, end
+    return start + after_s, end
 
 
 def _carried_off(run: RunData) -> Found | None:
@@ -287,9 +288,9 @@ def _carried_off(run: RunData) -> Found | None:
     return Found(run.id, "pushed", seen, remedy, ("camera-moved",))
 
 
-def _usual_motion(run: RunData) -> Motion | None:
+def _usual_motion(run: RunData, after_s: float = STEADY_S) -> Motion | None:
     """The motion of a run at its command, if it lasts long enough to show what is usual."""
-    begin, end = _span(run)
+    begin, end = _span(run, after_s)
     return motion_of(run, (begin, end)) if end > begin + SHOWS_USUAL_S else None
 
 

@@ -194,8 +194,8 @@ def test_an_export_prints_its_files_and_is_quiet_where_asked(
         (0.5, nan, "turns too little: by 0.5 degrees", 30.0, ("straight", "")),
         (0.5, nan, "turns too little: by 0.5 degrees", 15.0, ("turns < 1°", "")),  # a phase of 0.2 s in a ramp
         (90.0, nan, "straight: so", 15.0, ("straight", "")),
-        (5.0, nan, "no certain turn: so", 30.0, ("straight", "")),
-        (5.0, nan, "no certain turn: so", 15.0, ("–", "")),  # the reason is told below the table
+        (5.0, nan, "straight or hardly turning: so", 30.0, ("straight", "")),
+        (5.0, nan, "straight or hardly turning: so", 15.0, ("–", "")),  # the reason is told below the table
         (90.0, nan, "too short", 30.0, ("–", "")),
     ],
 )
@@ -211,7 +211,7 @@ def test_a_short_turn_of_unequal_sides_is_not_called_straight_in_the_simulation(
     """Its simulation turned by 0.9 degrees."""
     for table in (found.turning, found.comparison):
         table.loc[1, "right_rpm"] = 25.0
-    found.turning.loc[1, "radius_status"] = "no certain turn: so"
+    found.turning.loc[1, "radius_status"] = "straight or hardly turning: so"
     (row,) = [line for line in comparison_text(found, verbose=False).splitlines() if line.startswith("b ")]
     assert row.split()[1:] == ["30", "/", "25", "–", "–", "0.500"]
 

@@ -80,7 +80,7 @@ def test_a_run_that_is_too_short_for_both_shows_no_change() -> None:
 def test_motors_that_are_reversed_without_a_word_are_told_with_time_speeds_and_what_to_do() -> None:
     (found,) = changed(changing())
     assert (found.run, found.kind) == ("r0", "wrong-command")
-    assert found.seen == "drives at 2 mm/s until 2.99 s and at −2 mm/s from there on, though its command stays"
+    assert found.seen == "drives at 2 mm/s until 3.01 s and at −2 mm/s from there on, though its command stays"
     assert (
         "did a motor fail, or does something hold it? Name its command log (commands), or end it there" in found.remedy
     )

@@ -123,6 +123,6 @@ def test_wandering_within_noise_has_no_radius_of_kilometres() -> None:
         for seed in range(10)
     ]
     assert all(np.isnan(turning.radius_mm) for turning in found)
-    unproven = ("straight: curvature", "no certain turn: curvature")
+    unproven = ("straight: curvature", "straight or hardly turning: curvature")
     assert all(turning.radius_status.startswith(unproven) for turning in found)
     assert any(turning.curvature_low_per_mm > 0 for turning in found)

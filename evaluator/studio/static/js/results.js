@@ -18,8 +18,8 @@ export async function show(view, { id, rest, signal }) {
 const turns = (run) => run.radius_mm !== null && Math.abs(run.turned_deg) > 1;
 const status_begins = (run, words) => String(run.radius_status).startsWith(words);
 const turns_little = (run) => run.radius_mm !== null || status_begins(run, "turns too little");
-const unproven = (run) => turns_little(run) || status_begins(run, "no certain turn");
-const without_radius = (run) => status_begins(run, "straight") || (unproven(run) && run.left_rpm === run.right_rpm) ? "straight" : turns_little(run) ? "turns < 1°" : "–";
+const unproven = (run) => turns_little(run) || status_begins(run, "straight or");
+const without_radius = (run) => (unproven(run) ? run.left_rpm === run.right_rpm : status_begins(run, "straight")) ? "straight" : turns_little(run) ? "turns < 1°" : "–";
 const start = (id) => () => post(`/api/experiments/${id}/jobs`, { kind: "analyse" }).catch(say);
 
 function nothing(found, id) {
