@@ -38,6 +38,13 @@ def test_a_long_recording_is_cut_at_changes_of_command_and_every_few_seconds_els
     assert pieces[3].run_command.command.at(np.array([107.0, 109.1, 109.3]))[0].tolist() == [2, 2, 3]
 
 
+def test_a_piece_begins_with_the_nearest_command_within_a_second_and_knows_those_of_six_seconds_before() -> None:
+    pieces = pieces_of(driven((0.0, 2.2, 2.9, 7.2), 20.05), fewest=6)
+    assert [piece.time_s[0] - 100 for piece in pieces] == pytest.approx([0, 2.9, 5.9, 8.9, 11.9, 14.9])
+    told = pieces[3].run_command.command
+    assert (told.time_s[0], told.time_s[-1]) == pytest.approx((102.9, pieces[3].time_s[-1] + 6.0))
+
+
 def test_a_piece_begins_with_the_velocity_that_was_measured_before_it() -> None:
     """A run that gathers speed along x at 1 mm/s², and whose two marks are 1 mm apart along y."""
     run = driven((0.0, 9.2), 20.05)
