@@ -22,7 +22,7 @@ from evaluator.diagnosis.likelihood.run_data import NotSimulatedError
 from evaluator.diagnosis.result import Diagnosis
 from evaluator.diagnosis.review import reviewed
 from evaluator.diagnosis.search_ground import null_on_ground, searched_on_ground, singles_on_ground
-from evaluator.diagnosis.search_input import prepared
+from evaluator.diagnosis.search_input import Prepared, prepared
 from evaluator.diagnosis.search_runs import (
     challenge_with_free_terms,
     fit_on_all_runs,
@@ -91,12 +91,10 @@ def _searched(
     ready = prepared(session, progress, fits)
     free, imitating = ready.free, ""
     if ready.problem.open_ground:
-        null = null_on_ground(ready)
-        odd = [] if DIVERGING in session.left_out.values() else diverging_runs(null)
-        singles = None if (odd := odd or jumping_runs(null)) else singles_on_ground(ready, progress)
-        if singles is None or (odd := jumping_runs(singles)):
-            return _searched(session.leaving_out(odd, DIVERGING), progress, fits)
-        part, whole = searched_on_ground(singles, ready, progress)
+        begun = _begun_on_ground(ready, progress, again=DIVERGING in session.left_out.values())
+        if isinstance(begun, list):
+            return _searched(session.leaving_out(begun, DIVERGING), progress, fits)
+        part, whole = searched_on_ground(begun, ready, progress)
         unrefined = part
     else:
         part = search_named(ready, progress, seeds)
@@ -144,6 +142,19 @@ def _searched(
     except SearchStoppedError:  # the verdict stands
         return found
     return again or _in_parts(found, progress)
+
+
+def _begun_on_ground(ready: Prepared, progress: Watch, *, again: bool) -> list[int] | Search:
+    """A search over single effects on open ground, or the runs that have to be left out before.
+
+    again: whether runs that diverge have been left out; then only those that jump are sought.
+    """
+    null = null_on_ground(ready)
+    odd = [] if again else diverging_runs(null)
+    if odd := odd or jumping_runs(null):
+        return odd
+    singles = singles_on_ground(ready, progress)
+    return jumping_runs(singles) or singles
 
 
 def _without_suspected(part: Search, session: Session, watch: Watch, fits: FitCache | None) -> Diagnosis | None:

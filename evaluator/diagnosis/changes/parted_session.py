@@ -22,11 +22,11 @@ from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import Quantity
 from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.mistakes.repainted import FEWEST_OF_PART
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import null_alone
 from evaluator.turning.motion.curvature import Z_975
 
-FEWEST_OF_PART = 3  # runs: the scatter of fewer is not known
 CHANGE_PRIOR = 0.05  # one session in twenty is continued on another day or with another part
 CHANGED_SIGMAS, MOST_NAMED = 3.0, 3  # change of a value from which it is named, and number of these
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.diagnosis.assessment.verdict import KEEP
-from evaluator.diagnosis.changes.parted_session import CHANGE_PRIOR, FEWEST_OF_PART
+from evaluator.diagnosis.changes.parted_session import CHANGE_PRIOR
 from evaluator.diagnosis.changes.session_changes import DRIFT
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.fitted_model import Fit, prior_precision
@@ -27,6 +27,7 @@ from evaluator.diagnosis.inference.watch import Watch
 from evaluator.diagnosis.likelihood.known_to import LATER, LEVEL, SCALE, Quantity, mark_keys
 from evaluator.diagnosis.likelihood.linear.mixed_model import MixedModel, Reduced, at_scatter, solve_at
 from evaluator.diagnosis.likelihood.problem import Problem
+from evaluator.diagnosis.mistakes.repainted import FEWEST_OF_PART
 from evaluator.diagnosis.search_input import prepared
 from evaluator.diagnosis.search_runs import null_alone
 

@@ -16,6 +16,7 @@ from evaluator.diagnosis.mistakes.misread.command_unit import speeds_over_simula
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.diagnosis.mistakes.spacing import CHANGED_SHARE, PASSES, spacing
 from evaluator.robot_geometry import stated_distances_mm
+from evaluator.robust import PER_MEDIAN
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -26,9 +27,9 @@ FEWEST_OF_GROUP = 2  # a single run is found by wrong_scale, at a larger deviati
 # deviations of two calibrations.
 RESCALED_SHARE = 0.0042
 APART = 2.0  # least ratio of the gap between two groups to their ranges; runs of one robot scatter evenly
-# Runs before and after from which on a change is one of the session, whose marks a diagnosis fits anew, and standard
-# deviations by which the speeds must change as well for one of the camera.
-FEWEST_OF_PART, SIGMAS = 3, 3.0
+FEWEST_OF_PART = 3  # runs before and after a change within the session: the scatter of fewer is not known
+SIGMAS = 3.0  # standard deviations from which speeds have changed, and to which gluing changes a distance
+MEDIAN_ERROR = float(np.sqrt(np.pi / 2))  # of a median of normal numbers, in errors of their mean
 # Runs from which on groups and a keystone are told apart: four unknowns, and as many more for the scatter about them.
 # Four runs always form two groups of no range with some keystone; fewer must form them without any, too.
 TELLING_RUNS = 8
@@ -90,14 +91,13 @@ def _glued_anew(robots: Sequence[Robot], larger: NDArray[np.bool_], change: floa
 
 def _seen_otherwise(data: Sequence[RunData], robots: Sequence[Robot], larger: NDArray[np.bool_], change: float) -> bool:
     """Whether the speeds of both groups differ significantly, and rather as the distances of their marks than not."""
-    ratio = np.log(speeds_over_simulated(data, robots))
-    groups = [ratio[part & np.isfinite(ratio)] for part in (larger, ~larger)]
+    ratio = speeds_over_simulated(data, robots)
+    groups = [np.log(ratio[part & (ratio > 0)]) for part in (larger, ~larger)]  # a reversed run says nothing
     if min(map(len, groups)) < FEWEST_OF_GROUP:
         return False
     of_speed = float(np.median(groups[0]) - np.median(groups[1]))
     off = np.concatenate([np.abs(part - np.median(part)) for part in groups])
-    # of medians of normal numbers: 1.253 times the error of means, from their median deviation
-    error = 1.253 * 1.4826 * float(np.median(off)) * np.sqrt(sum(1 / len(part) for part in groups))
+    error = MEDIAN_ERROR * PER_MEDIAN * float(np.median(off)) * np.sqrt(sum(1 / len(part) for part in groups))
     return bool(of_speed > max(change / 2, SIGMAS * error))
 
 

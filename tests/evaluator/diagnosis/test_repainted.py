@@ -63,6 +63,7 @@ def test_marks_glued_on_anew_between_two_runs_are_no_mistake(*, changed: float, 
     assert [(item.run, item.kind) for item in found] == ([(f"r{run}", kind) for run in (6, 7, 8)] if kind else [])
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("faster", "scatter", "told"),
     [(0.02, 0.002, True), (0.011, 0.002, True), (0.009, 0.002, False), (0.02, 0.02, False), (-0.02, 0.002, False)],
@@ -74,7 +75,7 @@ def test_a_camera_set_up_anew_is_told_from_the_speeds_which_change_as_the_distan
     speeds[:9] = np.exp([0, scatter, -scatter, scatter, -scatter, np.nan, *(faster + np.array([0, scatter, -scatter]))])
     found = repainted_runs(_runs([3.66] * 6 + [3.66 * 1.02] * 3), [ROBOT] * 9)
     assert [(item.run, item.kind) for item in found] == [(f"r{run}", "camera-moved") for run in (6, 7, 8) if told]
-    speeds[6:8] = [np.nan] * 2  # of the later runs a single one shows it
+    speeds[6:8] = [-1.0, np.nan]  # of the later runs a single one shows it, and one drives the other way
     assert repainted_runs(_runs([3.66] * 6 + [3.66 * 1.02] * 3), [ROBOT] * 9) == []
 
 
