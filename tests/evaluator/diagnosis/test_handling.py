@@ -41,6 +41,15 @@ def test_run_begins_where_the_robot_rests_after_it_was_laid_down() -> None:
     assert kept_s(filmed(laid_down_s=0.5)) == pytest.approx((0.6, 3.98), abs=0.04)
 
 
+@pytest.mark.parametrize("laid_down_s", [0.84, 0.87, 0.9])
+def test_a_rest_of_a_tenth_of_a_second_until_the_start_is_enough(laid_down_s: float) -> None:
+    """A robot laid down 0.15 s before its start counted as one that started then."""
+    run = filmed(laid_down_s=laid_down_s)
+    assert kept_s(run)[0] == pytest.approx(0.9, abs=0.02)
+    own = between_hands(run)
+    assert not late_starts([replace(run, marks_mm=run.marks_mm[own], time_s=run.time_s[own])], [])
+
+
 @pytest.mark.parametrize("hand_mm_s", [0.3, 1.0])
 def test_a_slow_nudge_before_the_start_is_no_place_where_it_starts(hand_mm_s: float) -> None:
     """By 0.08 to 0.25 mm within a quarter of a second: frames before it were averaged into the start of the run."""

@@ -27,12 +27,14 @@ def between_hands(run: RunData) -> slice:
     time, (on_s, off_s) = run.time_s, (run.run_command.start_s, run.run_command.stop_s)
     begin, end = 0, len(time)
     if run.run_command.starts_at_rest and on_s is not None:
-        rest_s = on_s - BEFORE_START_S - RESTS_S
-        # however little it is moved: frames in which it stood elsewhere do not show where it starts
-        carried = _carried(run, rest_s, time < rest_s, 0.0)
-        if len(carried):
-            laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
-            begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
+        # a rest until start_s itself shows as well that what was before it is not the robot's own motion
+        for rest_s in (on_s - BEFORE_START_S - RESTS_S, on_s - RESTS_S):
+            # however little it is moved: frames in which it stood elsewhere do not show where it starts
+            carried = _carried(run, rest_s, time < rest_s, 0.0)
+            if len(carried):
+                laid_down_s = float(time[carried[-1] + MOVING_FRAMES - 1])
+                begin = int(np.searchsorted(time, min(laid_down_s + RESTS_S, rest_s)))
+                break
         # a nudge too small to be a hand's carrying, and a knock at the camera, do not matter before the start; nor does
         # how many frames around it have no marks, as the robot rests
         nudge = jump(run.first(int(np.searchsorted(time, on_s + RESTS_S))), np.inf)
