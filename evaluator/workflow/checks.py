@@ -17,6 +17,7 @@ from evaluator.files import read_with, refuse_stream
 from evaluator.settings import Experiment, Run, load_experiment
 from evaluator.workflow.runs.implausible import doubts_of_robots
 from evaluator.workflow.runs.mistakes import given_marks, mistakes_of_marks
+from evaluator.workflow.runs.stored_diagnosis import own_effect_ids
 from simulator.files.named import named_in
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def check_experiment(path: Path) -> Check:
     faults += [fault for run in runs if (fault := _outside(run, marks))]
     if experiment is not None:
         faults += _faults_of_sizes(experiment)
+        faults += _fault(partial(own_effect_ids, experiment=experiment), path)
     mistakes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     if experiment is not None and not faults:

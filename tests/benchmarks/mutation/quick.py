@@ -263,9 +263,12 @@ def main() -> int:
         chosen = random.Random(said.seed).sample(everything, min(said.sample, len(everything)))  # noqa: S311
     trial = Trial(chosen, reach := Reach(ROOT), said.longest_s)
     pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--assert=plain", *said.tests], plugins=[reach, trial])
-    share = 1 - trial.survived / max(trial.tried, 1)
+    if trial.failed or not trial.tried:
+        print(f"none of {len(everything)} mutants could be tried")
+        return 1
+    share = 1 - trial.survived / trial.tried
     print(f"{trial.tried} of {len(everything)} mutants (seed {said.seed}): {100 * share:.0f} % noticed")
-    return int(trial.failed or not trial.tried or share < said.wanted)
+    return int(share < said.wanted)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ class Reach:
 
     def _ours(self, places: Iterable[tuple[str, int]]) -> Iterator[Place]:
         for name, line in places:
-            if name.startswith(str(self.root)):
+            if Path(name).is_relative_to(self.root):
                 yield str(Path(name).relative_to(self.root)), line
 
 

@@ -64,6 +64,16 @@ def test_each_fault_is_told_once_and_no_mistake_beside_it(part: str, day: Any) -
     assert day.asked == 0
 
 
+def test_an_effect_beside_the_experiment_that_cannot_be_read_is_a_fault(day: Any) -> None:
+    """Mistakes need the robots with all effects: there were none, and no word why."""
+    effect = day.path.parent / "effects" / "mine.toml"
+    effect.parent.mkdir()
+    effect.write_text("this is = broken [", encoding="utf-8")
+    (fault,) = check_experiment(day.path).faults
+    assert fault.startswith(f"{effect}: not valid TOML")
+    assert day.asked == 0
+
+
 def test_files_are_read_of_an_experiment_that_cannot_be(day: Any) -> None:
     day.named, day.topics = ["a.csv: bad"], ["never asked"]
     day.path.write_text(HEAD + "nonsense = 1\n" + run("a"), encoding="utf-8")
