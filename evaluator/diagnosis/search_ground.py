@@ -17,7 +17,7 @@ Source: floating search: Pudil, Novovičová & Kittler (1994), Pattern Recogniti
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from evaluator.diagnosis.assessment.cross_validation import mean_gain
@@ -86,6 +86,12 @@ def searched_on_ground(singles: Search, ready: Prepared, progress: Progress) -> 
     part = whole.anew(runs=fitted_runs(data))
     part.fits[frozenset()] = fit_model(part.problem, whole.null.point, [], part.tolerance, part.runs)
     return part, whole
+
+
+def on_runs_except(search: Search, families: int, runs: Collection[int]) -> Search:
+    """The best sets of a search fitted without some of its runs, with the noise that the others leave."""
+    found = _under(search, families, runs=tuple(run for run in search.runs if run not in runs))
+    return _settled(found, families) or found
 
 
 def _grown(search: Search, families: int, size: int, progress: Progress) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from evaluator.diagnosis import search_ground
 from evaluator.diagnosis.inference.search import Search
-from evaluator.diagnosis.search_ground import exchange, grow
+from evaluator.diagnosis.search_ground import exchange, grow, on_runs_except
 
 FORM = "free:mixed"
 NAMES = ("lag", "proxy", "other", FORM)
@@ -318,3 +318,16 @@ def test_a_set_helps_that_predicts_better_than_the_null_and_than_itself_without_
     search.fits = {frozenset(name): cast("Any", name) for name in (*gains, "ab")}
     monkeypatch.setattr(search_ground, "mean_gain", lambda _fit, other, *_: gains[cast("str", other)])
     assert search_ground._helps(search, frozenset("ab")) == helps
+
+
+@pytest.mark.parametrize("settles", [True, False])
+def test_the_best_sets_are_fitted_to_other_runs_with_the_noise_that_these_leave(
+    settles: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    first, settled = SimpleNamespace(name="first"), SimpleNamespace(name="settled")
+    monkeypatch.setattr(search_ground, "_under", lambda *given, **changes: asked.append((given, changes)) or first)
+    monkeypatch.setattr(search_ground, "_settled", lambda *given: asked.append(given) or (settled if settles else None))
+    search: Any = SimpleNamespace(runs=(0, 2, 3, 7))
+    assert on_runs_except(search, 5, (2, 4)) is cast("Any", settled if settles else first)
+    assert asked == [((search, 5), {"runs": (0, 3, 7)}), (first, 5)]

@@ -180,6 +180,46 @@ def test_parts_that_diverge_are_left_out_before_open_ground_is_searched(
     assert found.session.left_out == dict.fromkeys(["r1", "r3", "r0"], DIVERGING)
 
 
+@pytest.mark.parametrize(
+    ("verdict", "follows", "few", "same", "again"),
+    [
+        ("effect", True, False, True, True),
+        ("effect", True, False, False, False),  # the others name something else: a question for the whole search
+        ("effect", False, False, True, False),
+        ("effect", True, True, True, False),
+        ("unknown", True, False, True, False),
+        ("none", True, False, True, False),
+    ],
+)
+def test_effects_on_open_ground_are_fitted_to_the_runs_that_the_model_follows(
+    verdict: str, follows: bool, few: bool, same: bool, again: bool, done: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A part of a log that took another turn trebled the noise: a dead time was told as a late start."""
+    answering(monkeypatch, verdict, open_ground=True)
+    whole: Any = SimpleNamespace(problem="problem of all", runs=(0, 1, 2))
+    part: Any = SimpleNamespace(problem="problem of the part", runs=(0, 2))
+    monkeypatch.setattr(module, "searched_on_ground", lambda *_: (part, whole))
+    monkeypatch.setattr(
+        module, "on_runs_except", lambda search, families, runs: done.append(("rest", search.runs, families, runs))
+        or SimpleNamespace(problem="rest", runs=tuple(run for run in search.runs if run not in runs)),
+    )  # fmt: skip
+    reviews: list[Diagnosis] = []
+
+    def reviewed(found: Diagnosis) -> Diagnosis:
+        reviews.append(found)
+        chosen = TILT if same or len(reviews) == 1 else frozenset({"scrub-torque"})
+        return replace(found, outlying=(2,), follows=follows, chosen=chosen)
+
+    monkeypatch.setattr(module, "reviewed", reviewed)
+    monkeypatch.setattr(module, "shortcomings", lambda data, *_: ["few"] if few and len(data) < 4 else [])
+    found = diagnosed(session_of(4), no_progress, None)  # type: ignore[arg-type]
+    assert found.fit_search is not None
+    assert (found.fit_search.runs, found.held_out) == (((0,), (1, 3)) if again else ((0, 2), (1, 3)))
+    tried = verdict == "effect" and follows and not few
+    rest = [step for step in done if step[0] == "rest"]
+    assert rest == ([("rest", (0, 1, 2), 1, (2,)), ("rest", (0, 2), 1, (2,))] if tried else [])
+
+
 @pytest.mark.parametrize("verdict", ["effect", "none", "unknown", "insufficient", "stopped"])
 def test_suspected_runs_are_left_out_only_if_the_others_are_then_explained(
     verdict: str, done: list[Any], monkeypatch: pytest.MonkeyPatch

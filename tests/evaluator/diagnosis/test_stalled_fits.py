@@ -82,3 +82,25 @@ def test_on_open_ground_a_fit_is_tried_again_only_where_it_lags(monkeypatch: pyt
         ground.problem.open_ground = True
         assert fit_set(ground, A, {}, of(0.0)) is not None
         assert len(tried) == tries
+
+
+@pytest.mark.parametrize(("excess", "tries"), [(6.3, 1), (6.1, 2)])
+@pytest.mark.parametrize("open_ground", [True, False])
+def test_on_open_ground_what_leaves_ten_times_as_much_as_another_set_is_not_tried_again(
+    excess: float, tries: int, open_ground: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It took half of a search whose noise a good set had set: four fits of each set that is far off."""
+    tried: list[Any] = []
+    first = of(5.0, shortfall=1e3)
+    first.excess = excess
+
+    def fit_from(*_: Any, **__: Any) -> Any:
+        return tried.append(1) or (first if len(tried) == 1 else None)
+
+    monkeypatch.setattr(search_module, "_fit_from", fit_from)
+    good, bad = of(9.0), of(0.0)
+    good.excess, bad.excess = 0.62, 80.0
+    search = searching(fits={NONE: bad, frozenset("b"): good})
+    search.problem.open_ground = open_ground
+    assert fit_set(search, A, {}, bad) is first
+    assert len(tried) == (tries if open_ground else 2)
