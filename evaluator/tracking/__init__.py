@@ -2,6 +2,7 @@
 
 from evaluator.tracking.before_start import motion_at_rest
 from evaluator.tracking.corrections import correct, read_corrections
+from evaluator.tracking.following.jumps import astray_note
 from evaluator.tracking.following.repeated_frames import repeated_note
 from evaluator.tracking.placement import AsCalibrated, of_another_size, place_on_plate
 from evaluator.tracking.plate_shift import WithPlate
@@ -13,6 +14,7 @@ __all__ = [
     "AsCalibrated",
     "TrackingSettings",
     "WithPlate",
+    "astray_note",
     "correct",
     "load_settings",
     "motion_at_rest",

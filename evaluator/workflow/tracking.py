@@ -22,6 +22,7 @@ from evaluator.tracking import (
     AsCalibrated,
     TrackingSettings,
     WithPlate,
+    astray_note,
     correct,
     load_settings,
     of_common_readouts,
@@ -139,7 +140,7 @@ def track_recording(
     if output is not None:
         write_marks(marks, Path(output))
     readout = None if wanted.shutter_stated else of_common_readouts(marks, wanted.mark, recording.size_px[1])
-    of_marks = repeated_note(marks), moved.note if moved else "", readout.note if readout else ""
+    of_marks = repeated_note(marks), astray_note(marks), moved.note if moved else "", readout.note if readout else ""
     notes = (*recording.report().notes, *filter(None, of_marks), *placing)
     return Tracked(recording, marks, notes, tuple(wanted.mark), seen_by, geometry)
 

@@ -25,7 +25,9 @@ from evaluator.turning.path import PointPath, measure_path
 from evaluator.turning.phase_table import several_motions
 from evaluator.turning.pooling import pooled
 from evaluator.turning.repetitions import disagreement
+from evaluator.turning.status import spacing_fault
 from evaluator.wording import with_bounds
+from evaluator.workflow.runs.job import spacing_note
 
 if TYPE_CHECKING:
     from calibration.camera import Camera
@@ -167,7 +169,8 @@ def _measured(
     phases = tuple({"run": head["run"], **row} for row in found.phase_rows())
     if several_motions(found.phases, request.start_s, request.stop_s):
         lines = [*lines, *(_phase_line(row) for row in phases)]
-    return MeasuredTable({**head, **found.to_row()}, (found.summary(), *lines), phases)
+    doubts = () if spacing_fault(poses) else spacing_note(found.mark_spacing_ratio)  # a fault is the summary
+    return MeasuredTable({**head, **found.to_row()}, (found.summary(), *doubts, *lines), phases)
 
 
 def _phase_line(phase: dict[str, Any]) -> str:

@@ -11,7 +11,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+
+from evaluator.tracking.observation import OFF_COURSE
+from evaluator.wording import counted
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -25,6 +29,26 @@ STILL, MOVING_PX = 0.25, 0.5  # of the usual step: largest step at a standstill;
 # a residue of half a second. If some pieces move, pieces at rest count by a third, and all together at most half a
 # jump, because residue is at rest.
 JUMP, STANDING = 15.0, 1.0 / 3.0
+OFTEN = 0.1  # of the frames: residue of a codec is mistaken for a mark in fewer
+
+
+def astray_note(marks: pd.DataFrame) -> str:
+    """A sentence on marks of a tracked recording that are often off their course; empty without any."""
+    counts = {
+        str(name).removesuffix("_status"): int((marks[name] == OFF_COURSE).sum())
+        for name in marks
+        if str(name).endswith("_status")
+    }
+    said = [
+        f"{name} in {off} of {counted(len(marks), 'frame')}" for name, off in counts.items() if off > OFTEN * len(marks)
+    ]
+    if not said:
+        return ""
+    return (
+        f"off its course: {', '.join(said)}; what is tracked, there or in the other frames, is then not the mark but "
+        "something of its colour, such as dust: look at --overlay, and state diameter_px and region_px in [mark.NAME] "
+        "of a tracking.toml (--settings)"
+    )
 
 
 def off_course(time_s: Array, centers_px: Array, radius_px: float) -> NDArray[np.bool_]:

@@ -169,7 +169,8 @@ def spacing_note(ratio: float) -> Iterator[str]:
         way = "farther apart" if off > 0 else "nearer"
         yield (
             f"the marks are {abs(off):.0f} % {way} than robot.toml says: either their positions there are off, or "
-            "every length is by as much (is the pitch of the gauge right, the height of the marks?)"
+            "every length is by as much (is the scale or the pitch of the gauge right, the height of the marks?), or "
+            "something else of a mark's colour is taken for it"
         )
 
 

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from evaluator.tracking.following.background import background, strangers
-from evaluator.tracking.following.jumps import off_course
+from evaluator.tracking.following.jumps import astray_note, off_course
+from evaluator.tracking.observation import OFF_COURSE, OK
 
 TIMES = np.arange(120) / 30.0
 RADIUS = 6.0
@@ -113,3 +115,12 @@ def test_two_marks_that_mostly_rest_are_on_one_body_though_their_noise_is_not() 
     assert not strangers(noisy[0], noisy[1], 6.0)
     elsewhere = np.column_stack([-way, 300 + 0 * way]) + rng.normal(0, 3.0, one.shape)
     assert strangers(noisy[0], elsewhere, 6.0)
+
+
+@pytest.mark.parametrize(("off", "said"), [(0, False), (12, False), (13, True)])
+def test_a_mark_that_is_off_its_course_in_a_tenth_of_the_frames_is_told(off: int, said: bool) -> None:
+    status = {"green_status": [OFF_COURSE] * off + [OK] * (120 - off), "yellow_status": [OK] * 120}
+    note = astray_note(pd.DataFrame({"frame": range(120), **status}))
+    assert note.startswith(f"off its course: green in {off} of 120 frames; what is tracked") is said
+    assert bool(note) is said
+    assert "yellow" not in note
