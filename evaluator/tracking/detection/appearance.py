@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evaluator.recording import Frame
 from evaluator.tracking.detection.selection import Candidate
 from evaluator.tracking.refinement import kernels
-from evaluator.tracking.refinement.disc import Disc
+from evaluator.tracking.refinement.disc import NO_SHADE, Disc
 from evaluator.tracking.refinement.edge import View, find_edge, matters, without_edge
+from evaluator.tracking.refinement.fast_path import DISTURBED
 from evaluator.tracking.refinement.learn_shape import Patch, Steps, cut_patch, learn_disc
 from evaluator.tracking.refinement.occluded_pixels import CORE_EXPECTED
 from evaluator.tracking.refinement.occlusion import NOTABLE, fit_uncovered
@@ -78,17 +79,27 @@ def learn_shape(
     if not whole:
         return None
     try:
-        disc = yield from learn_disc([_thinned(patch) for patch in whole], radius_px, blur_px)
-        if len(whole) >= SEVERAL:
-            disc = yield from _learn_clear(whole, disc)
-            disc = disc if smeared else (yield from _learn_beside_edge(whole, disc))
+        disc = yield from _learn_whole(whole, radius_px, blur_px, smeared=smeared, shaded=True)
+        if disc.shade != NO_SHADE:
+            # A wire over a part of the rim, or light from beyond an edge, resembles a shade, but is explained better.
+            flat = yield from _learn_whole(whole, radius_px, blur_px, smeared=smeared, shaded=False)
+            disc = disc if flat.noise > DISTURBED * disc.noise else flat
     except np.linalg.LinAlgError:
         return None
     plausible = 0.4 < disc.radius_px / radius_px < 2.0
     return disc if plausible and abs(disc.amplitude) > 2 * disc.noise**0.5 else None
 
 
-def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
+def _learn_whole(patches: list[Patch], radius_px: float, blur_px: float, *, smeared: bool, shaded: bool) -> Steps[Disc]:
+    """Learn a disc, again without what covers it or shines into it; shaded: whether it may be lit from one side."""
+    disc = yield from learn_disc([_thinned(patch) for patch in patches], radius_px, blur_px, shaded=shaded)
+    if len(patches) >= SEVERAL:
+        disc = yield from _learn_clear(patches, disc, shaded=shaded)
+        disc = disc if smeared else (yield from _learn_beside_edge(patches, disc, shaded=shaded))
+    return disc
+
+
+def _learn_clear(patches: list[Patch], first: Disc, *, shaded: bool) -> Steps[Disc]:
     """Learn a disc again without occluded pixels; returns the first one if nothing, or too much, is occluded."""
     disc = first
     for _ in range(CLEARINGS):
@@ -102,12 +113,12 @@ def _learn_clear(patches: list[Patch], first: Disc) -> Steps[Disc]:
             return first
         if not any(occluded):
             break
-        disc = yield from learn_disc(clear, first.radius_px, first.blur_px)
+        disc = yield from learn_disc(clear, first.radius_px, first.blur_px, shaded=shaded)
         disc = replace(disc, occluded=float(np.mean(occluded)))
     return disc
 
 
-def _learn_beside_edge(patches: list[Patch], first: Disc) -> Steps[Disc]:
+def _learn_beside_edge(patches: list[Patch], first: Disc, *, shaded: bool) -> Steps[Disc]:
     """Learn a disc again without light from beyond the edge of its body; returns the first one if there is none."""
     disc, other, least, edge = first, first, np.inf, first.edge
     for _ in range(CLEARINGS):
@@ -126,7 +137,7 @@ def _learn_beside_edge(patches: list[Patch], first: Disc) -> Steps[Disc]:
         if len(cleared) < max(SEVERAL, SELDOM * len(patches)) or not np.mean(left) < least:
             break
         disc, least = replace(other, edge=edge), float(np.mean(left))
-        other = yield from learn_disc(cleared, first.radius_px, disc.blur_px)
+        other = yield from learn_disc(cleared, first.radius_px, disc.blur_px, shaded=shaded)
     return disc
 
 

@@ -81,7 +81,7 @@ class Follower(Motion):
         self._usual[[fast_path.U_AMPLITUDE, fast_path.U_BASE, fast_path.U_LEAST_NOISE, fast_path.U_AREA]] = (
             disc.amplitude, disc.base, 0.5 * disc.noise, look.area_px2
         )  # fmt: skip
-        self.radius_px = disc.radius_px
+        self.radius_px, self._brightest_px = disc.radius_px, disc.brightest_px
         self.light.interior_px, self.rim = interior_px(disc), Rim()
         self.color = look.color.copy()
 
@@ -226,7 +226,8 @@ class Follower(Motion):
             share, unsure = self.shutter
             half_x, half_y = ((0.5 * unsure / share if share else 0.0) * path for path in self._disc[5:7].tolist())
             return Sighting(x, y, var_x + half_x**2, var_y + half_y**2, cov_xy + half_x * half_y, OK)
-        self.offsets.note(frame.time_s, (x, y), self._found, self.look.area_px2, cell.item(0))
+        aside_x, aside_y = self._brightest_px
+        self.offsets.note(frame.time_s, (x + aside_x, y + aside_y), self._found, self.look.area_px2, cell.item(0))
         # Residuals above the learnt noise (codec, wire, texture) increase the uncertainty if they exceed it by more
         # than chance; residuals below it do not reduce the uncertainty.
         scale, (dx, dy) = 1.0, self._slow_path.shift
@@ -271,7 +272,8 @@ class Follower(Motion):
         if self.occluded:
             return
         if not self.missed and self.position is not None and self._fitted[kernels.SLOPE_X] == 0.0:
-            self.light.note(frame, self.position)
+            amplitude, (x, y) = self._fitted[kernels.AMPLITUDE], self.look.disc.shade
+            self.light.note(frame, self.position, (amplitude * x, amplitude * y))
 
     def _crowd(self, frame: Frame, cell: Array, place: Point, slack: float) -> str:
         """Reason why the colour around a fitted centre contradicts the fit, or ""."""

@@ -25,6 +25,7 @@ PER_EDGE_PX = 128
 # Entries below this are set to zero. Their squares would be denormal numbers of single precision, which processors
 # handle a hundred times more slowly (a mark of 20 px radius took 2.6 times as long), and they carry no information.
 NOTHING = 1e-15
+NO_SHADE = 0.0, 0.0
 
 
 class Edge(NamedTuple):
@@ -47,6 +48,9 @@ class Disc:
     radius_px, blur_px: of the disc and its edge; e1, e2: slant, r² = (1+e1) dx² + 2 e2 dx dy + (1-e1) dy². amplitude,
     base: luma of the mark above its surroundings, and luma of the surroundings. noise: variance of the luma. profile,
     slope: see `tabulate`. table: see `by_square`. edge: last fitted edge of the body if it affects the mark's rim.
+    shade: relative change of the mark's luma along x and y, 1/px, where a mark that is not flat is lit from one side.
+    A lens blurs the shaded disc, (1 + shade·d) times a step, into (1 + shade·d) times an edge that lies blur²·shade
+    nearer to the dark side: kernels shift it by that.
     """
 
     radius_px: float
@@ -61,6 +65,7 @@ class Disc:
     table: NDArray[np.float32]
     occluded: float = 0.0
     edge: Edge | None = None
+    shade: tuple[float, float] = NO_SHADE
 
     @property
     def outer_px(self) -> float:
@@ -73,7 +78,7 @@ class Disc:
     def numbers(self, smear_px: tuple[float, float] = (0.0, 0.0)) -> Array:
         """The numbers of the disc as `kernels.fit_disc` expects them."""
         shape = self.radius_px, self.blur_px, self.e1, self.e2
-        return np.array([*shape, self.outer_px, *smear_px, _per_px2(self.radius_px)])
+        return np.array([*shape, self.outer_px, *smear_px, _per_px2(self.radius_px), *self.shade])
 
     @property
     def unclear(self) -> float:
@@ -83,6 +88,12 @@ class Disc:
     def unlike(self, other: Disc) -> float:
         """The part of the slant difference of two discs that exceeds three sigmas of their noise."""
         return float(np.hypot(self.e1 - other.e1, self.e2 - other.e2)) - 3.0 * (self._unsure() + other._unsure())
+
+    @property
+    def brightest_px(self) -> tuple[float, float]:
+        """Centre of the light of a shaded disc, and of its colour, from the disc's own centre."""
+        x, y = self.shade
+        return 0.25 * self.radius_px**2 * x, 0.25 * self.radius_px**2 * y
 
     def _unsure(self) -> float:
         """Standard uncertainty of a slant from six frames; an edge error of c·cos 2φ causes a slant of 2c/R."""
@@ -121,10 +132,10 @@ def make_disc(
 
 
 def shaped_as(own: Disc, shape: Disc) -> Disc:
-    """A disc with the levels of `own` and the shape and noise of `shape`."""
+    """A disc with the levels and the shade of `own` and the shape and noise of `shape`."""
     levels = own.amplitude, own.base
     disc = make_disc(shape.radius_px, shape.blur_px, (shape.e1, shape.e2), levels, shape.noise)
-    return replace(disc, edge=own.edge)
+    return replace(disc, edge=own.edge, shade=own.shade)
 
 
 def by_square(radius_px: float, profile: Array, slope: Array) -> NDArray[np.float32]:

@@ -114,7 +114,8 @@ class _Model:
     def __call__(self, state: Array) -> tuple[Array, Array]:
         """Luma, (n,), and its derivatives by the unknowns, (n, UNKNOWNS)."""
         disc, offsets = self._view.disc, self._offsets
-        dx, dy = self._x - state[0], self._y - state[1]
+        aside_x, aside_y = disc.blur_px**2 * disc.shade[0], disc.blur_px**2 * disc.shade[1]
+        dx, dy = self._x - state[0] + aside_x, self._y - state[1] + aside_y
         profile, steep_x, steep_y = np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx)
         for off_x, off_y in offsets:
             ax, ay = dx - off_x, dy - off_y
@@ -123,6 +124,9 @@ class _Model:
             profile += np.interp(r, self._radii, disc.profile, right=0.0) / len(offsets)
             steep = np.interp(r, self._radii, disc.slope, right=0.0) / r / len(offsets)
             steep_x, steep_y = steep_x + steep * out_x, steep_y + steep * out_y
+        light = 1.0 + disc.shade[0] * dx + disc.shade[1] * dy
+        steep_x, steep_y = light * steep_x + disc.shade[0] * profile, light * steep_y + disc.shade[1] * profile
+        profile *= light
         beyond, (by_angle, by_distance, by_aside) = _beyond(dx, dy, self._blurs(state[ANGLE]), state)
         amplitude, height = state[2], state[HEIGHT]
         cos, sin = np.cos(state[ANGLE]), np.sin(state[ANGLE])

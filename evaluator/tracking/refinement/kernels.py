@@ -44,8 +44,9 @@ def fit_disc(
 
     start: x, y, amplitude, base. sloping: whether the background may slope; its two slopes are then fitted as well.
     disc: radius, blur, e1, e2, outer radius of the pixels used, smear along x and y (px during the exposure), entries
-    of the table per px². table: of the disc against the square of the radius, its profile and its slope over the
-    radius. noise: variance, softness of the outlier weights in sigmas. result: see the names at the top.
+    of the table per px², shade along x and y (as `Disc` has it). table: of the disc against the square of the radius,
+    its profile and its slope over the radius. noise: variance, softness of the outlier weights in sigmas. result: see
+    the names at the top.
     """
     path, work = path_of(disc), np.zeros((WORK_ROWS, UNKNOWNS))
     cut = _fit_disc(luma, row_origin, row_step, start, sloping, disc, table, path, noise, result, work)
@@ -125,10 +126,12 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
     within a row, so that it is vectorised; the rounding error, 1e-7 of the sums, is negligible.
     """
     top, bottom, first, last = window
-    x, y, amplitude, base = state[0], state[1], single(state[2]), single(state[3])
+    x, y = state[0] - disc[1] * disc[1] * disc[8], state[1] - disc[1] * disc[1] * disc[9]  # as `Disc` has it
+    amplitude, base = single(state[2]), single(state[3])
     tilt_x, tilt_y = single(state[4]), single(state[5])
     outer2, per_px2, end = single(disc[4] * disc[4]), single(disc[7]), single(len(table) - 1)
     stretch_x, stretch_y, e2 = single(1.0 + disc[2]), single(1.0 - disc[2]), single(disc[3])
+    shade_x, shade_y = single(disc[8]), single(disc[9])
     certain, softness = single(1.0 / noise[0]), single(1.0 / (noise[0] * noise[1] * noise[1]))
     edge = 3.5 * math.sqrt(disc[1] * disc[1] + (disc[5] * disc[5] + disc[6] * disc[6]) / 12.0)
     inner = disc[0] - edge if disc[0] > edge else 0.0
@@ -156,7 +159,9 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
                 p, pull_x, pull_y = mean_over(path, table, per_px2, dx, dy, outward_x, outward_y)
             else:
                 p, pull_x, pull_y = none, none, none
-            gx, gy = -amplitude * pull_x, -amplitude * pull_y
+            light = one + shade_x * dx + shade_y * dy
+            gx, gy = -amplitude * (light * pull_x + shade_x * p), -amplitude * (light * pull_y + shade_y * p)
+            p *= light
             residual = single(luma[j, i]) - base - amplitude * p
             if slopes is not None:
                 residual -= tilt_x * dx + tilt_y * dy
@@ -189,7 +194,7 @@ def accumulate(luma, row_origin, row_step, state, slopes, window, disc, table, p
 
 def _pixels_without_border(row_origin: int, row_step: int, result: Array, disc: Array) -> int:
     """Count the pixels that `accumulate` would use around a fitted centre if the frame had no border."""
-    x, y, (radius, blur, e1, e2, outer, smear_x, smear_y, _) = result.item(X), result.item(Y), disc.tolist()
+    x, y, (radius, blur, e1, e2, outer, smear_x, smear_y) = result.item(X), result.item(Y), disc[:7].tolist()
     reach = outer / math.sqrt(1.0 - math.hypot(e1, e2))
     rows = range(math.ceil((y - reach - row_origin) / row_step), math.floor((y + reach - row_origin) / row_step) + 1)
     j, i = np.array(rows)[:, None], np.arange(math.ceil(x - reach), math.floor(x + reach) + 1)

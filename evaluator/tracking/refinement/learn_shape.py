@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluator.robust import PER_MEDIAN
-from evaluator.tracking.refinement.disc import PER_PX, Disc, make_disc, outer_px, tabulate
+from evaluator.tracking.refinement.disc import NO_SHADE, PER_PX, Disc, make_disc, outer_px, tabulate
 from evaluator.tracking.refinement.shape_kernel import OWN, PRODUCTS, SHAPE, add_products
 
 Array = NDArray[np.float64]
 Learnt = TypeVar("Learnt")
 Steps = Generator[None, None, Learnt]  # a long computation in steps, so that frames can be measured in between
+# Standard deviation of the shade that uneven light causes on a flat mark, 1/px, as `shading` expects it; sigmas beyond
+# which a mark is shaded because it is not flat.
+UNEVEN_LIGHT, CERTAIN = 1e-3, 4.0
+HALF, NEVER = 0.5, 1e-9  # of the luma: shade at the rim of a ball that is lit from one side; of a mark without one
 BEYOND, FEW = 5.0, 0.005  # spreads from which a residual does not belong to the disc; harmless share of such residuals
 
 
@@ -56,7 +60,7 @@ class _Samples:
     first: NDArray[np.intp]
 
 
-def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0) -> Steps[Disc]:
+def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0, *, shaded: bool = True) -> Steps[Disc]:
     """Learn radius, blur and slant common to all patches, with centre, amplitude and background free in each.
 
     A generator that yields after every step of the fit and returns the disc: run it by `finished`, or one step per
@@ -67,10 +71,10 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
     x, y, value = (np.concatenate([getattr(patch, name) for patch in patches]) for name in ("x", "y", "value"))
     first = np.cumsum([0, *(len(patch.value) for patch in patches)])
     samples = _Samples(x, y, value, np.ones_like(value), first)
-    shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0])
+    shared = np.array([np.log(radius_px), np.log(blur_px), 0.0, 0.0, 0.0, 0.0])
     own = np.array([[*patch.center_px, *_levels(patch, radius_px), 0.0, 0.0] for patch in patches])
     for _ in range(3):
-        shared, own, residual = yield from _solve(samples, shared, own)
+        shared, own, residual, information = yield from _solve(samples, shared, own, shaded=shaded)
         left = residual[np.isfinite(residual)]
         if not len(left):
             raise np.linalg.LinAlgError("no sample is left")
@@ -84,7 +88,15 @@ def learn_disc(patches: Sequence[Patch], radius_px: float, blur_px: float = 1.0)
     amplitude, base = np.median(own[:, 2:4], axis=0)
     radius, blur = float(np.exp(shared[0])), float(np.exp(shared[1]))
     slant, level = (float(shared[2]), float(shared[3])), (float(amplitude), float(base))
-    return make_disc(radius, blur, slant, level, spread**2)
+    disc = make_disc(radius, blur, slant, level, spread**2)
+    covariance = np.asarray(np.linalg.inv(information)[4:, 4:] * disc.noise)
+    return replace(disc, shade=_certain_shade(shared[4:], covariance))
+
+
+def _certain_shade(shade: Array, covariance: Array) -> tuple[float, float]:
+    """The shade of a mark if neither noise nor light that falls on a flat mark explains it, else none."""
+    square = float(shade @ np.linalg.solve(covariance + UNEVEN_LIGHT**2 * np.eye(2), shade))
+    return (float(shade[0]), float(shade[1])) if square > CERTAIN**2 else NO_SHADE
 
 
 def finished(steps: Steps[Learnt]) -> Learnt:
@@ -96,22 +108,24 @@ def finished(steps: Steps[Learnt]) -> Learnt:
             return end.value  # type: ignore[no-any-return]
 
 
-def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, Array, Array]]:
+def _solve(samples: _Samples, shared: Array, own: Array, *, shaded: bool) -> Steps[tuple[Array, Array, Array, Array]]:
     """Variable projection by Levenberg-Marquardt: the unknowns of each patch are eliminated (Schur complement).
 
-    Returns the shared unknowns, those of each patch (m, OWN), and the residuals, NaN beyond the pixels used.
+    Returns the shared unknowns, those of each patch (m, OWN), the residuals, NaN beyond the pixels used, and the
+    normal equations of the shared unknowns.
     """
     damping, cost = 1e-3, np.inf
     best, pixels, keep = (shared, own, samples.value), 1, None
+    prior = np.zeros((SHAPE, SHAPE))
     for _ in range(40):
         equations, total, residual, count = _pooled(samples, shared, own)
         yield
         if total < cost:
             done = cost - total < 1e-3 * total  # the shape is then off by a thirtieth of its uncertainty
             best, cost, damping, pixels = (shared, own, residual), total, max(damping / 5, 1e-6), count
+            keep = equations
             if done:
                 break
-            keep = equations
         else:
             damping *= 8
             if damping > 1e6:
@@ -119,15 +133,22 @@ def _solve(samples: _Samples, shared: Array, own: Array) -> Steps[tuple[Array, A
             if keep is None:
                 raise np.linalg.LinAlgError("the patches hold no disc")
         matrix, right, first, cross = keep
-        # Weak prior on the slant: 0.2 includes tilts up to 35 degrees; small blurred marks do not determine it.
-        prior = np.diag([0.0, 0.0, 1.0, 1.0]) * (cost / max(pixels, 1) / 0.2**2)
+        # Weak priors on slant and shade, which small blurred marks do not determine: 0.2 includes tilts up to 35
+        # degrees, and half of its luma at the rim a ball that is lit from one side.
+        radius = float(np.exp(best[0][0]))
+        shade = HALF / radius if shaded else NEVER
+        widths = np.array([np.inf, np.inf, 0.2, 0.2, shade, shade])
+        prior = np.diag(widths**-2.0) * (cost / max(pixels, 1))
         scaled = matrix + prior + damping * np.diag(np.diag(matrix) + 1e-9)
         move = np.clip(np.linalg.solve(scaled, right - prior @ best[0]), -0.3, 0.3)
         shared = best[0] + move
         shared[1] = np.clip(shared[1], np.log(0.3), shared[0])
-        shared[2:] = np.clip(shared[2:], -0.5, 0.5)
+        shared[2:4] = np.clip(shared[2:4], -0.5, 0.5)
+        shared[4:] = np.clip(shared[4:], -1.0 / radius, 1.0 / radius)
         own = best[1] + np.clip(first - cross @ move, -1e3, 1e3)
-    return best
+    if keep is None:
+        raise np.linalg.LinAlgError("the patches hold no disc")
+    return *best, keep[0] + prior
 
 
 def _levels(patch: Patch, radius_px: float) -> tuple[float, float]:

@@ -29,7 +29,7 @@ def path_of(disc: NDArray[np.float64]) -> NDArray[np.float32] | None:
     disc: see `kernels.fit_disc`. None if motion blur is negligible, so that kernels for motion blur are compiled only
     when needed.
     """
-    _, blur, _, _, _, along_x, along_y, _ = disc.tolist()
+    blur, along_x, along_y = disc.item(1), disc.item(5), disc.item(6)
     length2 = along_x * along_x + along_y * along_y
     if not length2 > SHORT * blur * blur:
         return None

@@ -38,11 +38,12 @@ def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
 
     top_y: y of the window's first row; left: its first column; path: of `motion_blur.path_of`, or None.
     """
-    e1, e2, amplitude, outer2 = disc[2], disc[3], state[2], disc[4] * disc[4]
+    e1, e2, amplitude, outer2, shade_x, shade_y = disc[2], disc[3], state[2], disc[4] * disc[4], disc[8], disc[9]
+    x, y = state[0] - disc[1] * disc[1] * shade_x, state[1] - disc[1] * disc[1] * shade_y
     for j in range(luma.shape[0]):
-        dy = top_y + row_step * j - state[1]
+        dy = top_y + row_step * j - y
         for i in range(luma.shape[1]):
-            dx = left + i - state[0]
+            dx = left + i - x
             outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
             square = outward_x * dx + outward_y * dy
             used[j, i] = square <= outer2
@@ -52,8 +53,11 @@ def model(luma, top_y, row_step, left, state, disc, table, path, planes, used):
                 k = int(square * disc[7] + 0.5)
                 k = k if k < len(table) else len(table) - 1
                 p, pull_x, pull_y = table[k, 0], table[k, 1] * outward_x, table[k, 1] * outward_y
+            light = 1.0 + shade_x * dx + shade_y * dy
+            planes[ALONG_X, j, i] = -amplitude * (light * pull_x + shade_x * p)
+            planes[ALONG_Y, j, i] = -amplitude * (light * pull_y + shade_y * p)
+            p *= light
             planes[PROFILE, j, i] = p
-            planes[ALONG_X, j, i], planes[ALONG_Y, j, i] = -amplitude * pull_x, -amplitude * pull_y
             planes[LEFT, j, i] = luma[j, i] - state[3] - amplitude * p - state[4] * dx - state[5] * dy
     smooth(planes)
 

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 # enough frames the prior dominates, and nothing is corrected.
 PRIOR = np.diag([1e-3, 5e-6, 5e-6]) ** 2
 LEAST = 8
+# Share of the shift by a mark's own shade that remains: balls and domes have a terminator, and a camera's gamma bends
+# light.
+BENT = 0.1
 FAR, ROUNDS = 4.0, 3  # sigmas beyond which a slope is not the light's; fits, each without the last one's outliers
 
 
@@ -52,6 +55,12 @@ def interior_px(disc: Disc) -> float:
     return inner if inner > 4.0 else 0.0
 
 
+def bent_shade(disc: Disc) -> Array:
+    """Variances along x and y and covariance, px², of the centre of a shaded disc: its shade is only about linear."""
+    x, y = BENT * np.sqrt(np.pi) * disc.blur_px * disc.radius_px * np.array(disc.shade)
+    return np.array([x * x, y * y, x * y])
+
+
 class LightNotes:
     """Slopes of the luma inside a mark, collected during tracking."""
 
@@ -71,14 +80,14 @@ class LightNotes:
         """Whether the centres fitted at times (n,) are shifted by uneven light."""
         return ~np.isin(time_s, list(self._sloped))
 
-    def note(self, frame: Frame, place: tuple[float, float]) -> None:
-        """Measure how unevenly a mark is lit at its centre, px."""
+    def note(self, frame: Frame, place: tuple[float, float], known: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Measure how unevenly a mark is lit at its centre, px; known: slopes that its own shade has, levels a px."""
         if self.interior_px == 0.0:
             return
         kernels.interior_slope(frame.luma, frame.row_origin, frame.row_step, *place, self.interior_px, self._slope)
         self._black = frame.black
         self._places.append(place)
-        self._slopes.append((float(self._slope[0]), float(self._slope[1])))
+        self._slopes.append((float(self._slope[0]) - known[0], float(self._slope[1]) - known[1]))
 
     def learnt(self, disc: Disc) -> Shading | None:
         """Uneven light from all records; disc: of the mark."""

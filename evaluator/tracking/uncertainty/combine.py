@@ -15,6 +15,7 @@ from evaluator.tracking.following.follow_blob import BlobFollower
 from evaluator.tracking.following.jumps import off_course
 from evaluator.tracking.following.repeated_frames import repeated_frames
 from evaluator.tracking.observation import ALONE, BACKGROUND, OFF_COURSE, REPEATED, STRANGER, UNLIKE, WRONG_DISTANCE
+from evaluator.tracking.refinement.shading import bent_shade
 from evaluator.tracking.rolling_shutter import RollingShutter, place_at_frame_time
 from evaluator.tracking.uncertainty.codec import hidden_variance
 from evaluator.tracking.uncertainty.course import Course, steady_times
@@ -94,6 +95,7 @@ def refine(
 
 def _allow_for_light(times: Array, values: Array, follower: Follower) -> None:
     """Correct the centres of a disc for uneven light; values: (n, 5) as in `refine`, in place."""
+    values[:, 2:5] += bent_shade(follower.look.disc)
     shading = follower.light.learnt(follower.look.disc)
     if shading is not None:
         shift, variance = shading.shift(values[:, :2])

@@ -77,6 +77,7 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
     rows, columns = luma.shape
     x, y, amplitude, base, tilt_x, tilt_y = result[0], result[1], result[2], result[3], result[11], result[12]
     radius, blur2, e1, e2, smear_x, smear_y = disc[0], disc[1] * disc[1], disc[2], disc[3], disc[5], disc[6]
+    x, y = x - blur2 * disc[8], y - blur2 * disc[9]
     smear2 = smear_x * smear_x + smear_y * smear_y
     edge = 3.5 * math.sqrt(blur2 + smear2 / 12.0)
     # Comparisons instead of min, max and power, each of which takes numba as long to compile as a loop.
@@ -96,16 +97,16 @@ def _rim_power(luma, row_origin, row_step, result, disc, table, path, noise, sum
             if square < inner2 or square > outer2:
                 continue
             length = math.sqrt(dx * dx + dy * dy)
-            cos, sin = dx / length, dy / length
+            cos, sin, light = dx / length, dy / length, 1.0 + disc[8] * dx + disc[9] * dy
             if path is not None:
                 outward_x, outward_y = (1.0 + e1) * dx + e2 * dy, e2 * dx + (1.0 - e1) * dy
                 p, pull_x, pull_y = mean_over(path, table, disc[7], dx, dy, outward_x, outward_y)
-                steep = -amplitude * (pull_x * cos + pull_y * sin)
+                steep = -amplitude * light * (pull_x * cos + pull_y * sin)
             else:
                 k = int(square * disc[7] + 0.5)
                 k = k if k < len(table) else len(table) - 1
-                p, steep = table[k, 0], -amplitude * table[k, 1] * math.sqrt(square)
-            residual = luma[j, i] - base - amplitude * p - tilt_x * dx - tilt_y * dy
+                p, steep = table[k, 0], -amplitude * light * table[k, 1] * math.sqrt(square)
+            residual = luma[j, i] - base - amplitude * light * p - tilt_x * dx - tilt_y * dy
             beyond = residual * residual * certain
             weight = 1.0 / (1.0 + beyond * beyond)
             total += weight * steep * steep

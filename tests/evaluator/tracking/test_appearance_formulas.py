@@ -87,7 +87,8 @@ def test_an_edge_is_believed_that_half_of_the_patches_show_and_three_at_least(
     fitted = np.zeros(kernels.RESULTS)
     lessons: list[int] = []
 
-    def learn(cleared: list[Patch], _radius: float, _blur: float) -> Iterator[None]:
+    def learn(cleared: list[Patch], _radius: float, _blur: float, *, shaded: bool) -> Iterator[None]:
+        assert shaded
         lessons.append(len(cleared))
         yield
         return SimpleNamespace(**vars(first))  # type: ignore[return-value]
@@ -100,7 +101,7 @@ def test_an_edge_is_believed_that_half_of_the_patches_show_and_three_at_least(
     monkeypatch.setattr(appearance, "without_edge", lambda patch, *_: patch)
     monkeypatch.setattr(appearance, "learn_disc", learn)
     monkeypatch.setattr(appearance, "replace", lambda disc, **new: SimpleNamespace(**{**vars(disc), **new}))
-    disc = finished(appearance._learn_beside_edge(given, first))
+    disc = finished(appearance._learn_beside_edge(given, first, shaded=True))
     assert disc.edge == ("edge" if learnt else None)
     assert lessons == ([edges] * 2 if learnt else [])
 

@@ -63,7 +63,7 @@ class Disc(Follower):
     shutter = (0.5, 0.1)
 
     def __init__(self) -> None:
-        self.look: Any = SimpleNamespace(disc=None)
+        self.look: Any = SimpleNamespace(disc=SimpleNamespace(shade=(0.0, 0.0), blur_px=0.8, radius_px=5.0))
         shift: Any = lambda places: (np.tile([2.0, 3.0], (len(places), 1)), np.full(len(places), 0.01))  # noqa: E731
         self.light: Any = SimpleNamespace(
             learnt=lambda _disc: SimpleNamespace(shift=shift), shifted=lambda times: np.arange(len(times)) % 2 == 0

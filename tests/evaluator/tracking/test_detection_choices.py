@@ -11,6 +11,7 @@ import pytest
 
 from evaluator.tracking.detection import appearance, explain, find
 from evaluator.tracking.detection.explain import _refusal
+from evaluator.tracking.refinement.disc import NO_SHADE
 from evaluator.tracking.refinement.learn_shape import Patch, finished
 from evaluator.tracking.settings import TrackingSettings
 
@@ -105,10 +106,12 @@ def learnt(
         "noise": 9.0,
         "edge": None,
         "occluded": 0.0,
+        "shade": NO_SHADE,
         **values,
     }
 
-    def learn(given: list[Patch], _radius: float, _blur: float) -> Iterator[None]:
+    def learn(given: list[Patch], _radius: float, _blur: float, *, shaded: bool) -> Iterator[None]:
+        assert shaded  # a flat one is tried only if a shade was found
         lessons.append([len(one.value) for one in given])
         yield
         return Shape(**{**shape, "radius_px": shape["radius_px"] + len(lessons) - 1})  # type: ignore[return-value]

@@ -293,11 +293,11 @@ def test_light_is_noted_on_a_mark_that_is_seen_plainly(
     said: dict[str, Any], noted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, places = follower(position=(50.0, 40.0), missed=said.get("missed", 0)), list[Any]()
-    monkeypatch.setattr(one.light, "note", lambda _, place: places.append(place))
+    monkeypatch.setattr(one.light, "note", lambda _, place, known: places.append((place, known)))
     one._slow_path.occluded = said.get("occluded", False)
     one._fitted[kernels.SLOPE_X] = said.get("slope", 0.0)
     one.note_light(frame())
-    assert places == [(50.0, 40.0)] * noted
+    assert places == [((50.0, 40.0), (0.0, 0.0))] * noted
 
 
 def test_what_is_usual_of_a_mark_follows_slow_changes_by_a_tenth_and_jumps_at_once() -> None:

@@ -165,10 +165,10 @@ def test_derivatives_that_a_shape_is_learnt_by_are_those_of_its_residuals() -> N
         assert count == 169
         return float(products[0, -1, -1]), products[0, :-1, -1]
 
-    at = np.array([6.1, 5.9, 95.0, 41.0, 0.3, -0.2, np.log(radius), np.log(blur), 0.08, -0.05])
+    at = np.array([6.1, 5.9, 95.0, 41.0, 0.3, -0.2, np.log(radius), np.log(blur), 0.08, -0.05, 0.06, -0.04])
     pull = summed(at)[1]
-    for place, step in enumerate([1e-2, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 2e-3, 2e-3, 2e-3, 2e-3]):
-        change = step * np.eye(10)[place]
+    for place, step in enumerate([1e-2, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 2e-3, 2e-3, 2e-3, 2e-3, 1e-3, 1e-3]):
+        change = step * np.eye(12)[place]
         slope = (summed(at + change)[0] - summed(at - change)[0]) / (2 * step)
         assert pull[place] == pytest.approx(-slope / 2, rel=0.02, abs=2e-3 * np.abs(pull).max()), place
 

@@ -1,14 +1,19 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
+from evaluator.tracking.detection import appearance
+from evaluator.tracking.detection.appearance import learn_shape
 from evaluator.tracking.refinement import kernels, shading
-from evaluator.tracking.refinement.disc import PER_PX, make_disc
-from evaluator.tracking.refinement.shading import LightNotes, learn_shading
+from evaluator.tracking.refinement.disc import NO_SHADE, PER_PX, fit, make_disc
+from evaluator.tracking.refinement.learn_shape import cut_patch, finished
+from evaluator.tracking.refinement.shading import LightNotes, bent_shade, learn_shading
 
 DISC = make_disc(8.0, 0.9, (0.0, 0.0), (120.0, 40.0), 1.0)
 
@@ -58,3 +63,57 @@ def test_uneven_light_is_noted_in_the_interior_of_a_mark_frame_by_frame() -> Non
     assert found is not None
     shift, _ = found.shift(np.array([[100.0, 50.0]]))
     assert shift[0] == pytest.approx([found.gain * 8 / (1920 + 640 - 256), 0.0], rel=0.02, abs=1e-5)
+
+
+def _ball(center: tuple[float, float], contrast: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+    """A mark of 6 px radius on a black top, whose luma changes by contrast from its centre to its rim; (40, 40)."""
+    fine = (np.arange(400) + 0.5) / 10 - 0.5
+    u, v = (fine[None, :] - center[0]) / 6.0, (fine[:, None] - center[1]) / 6.0
+    luma = 30.0 + 100.0 * (np.hypot(u, v) < 1.0) * (1.0 + contrast[0] * u + contrast[1] * v)
+    blurred = cv2.GaussianBlur(luma, (0, 0), 8.0).reshape(40, 10, 40, 10).mean(axis=(1, 3))
+    return np.rint(blurred + rng.normal(0, 1, blurred.shape)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("contrast", [(0.5, -0.25), (-0.2, 0.3)])
+def test_a_mark_that_is_lit_from_one_side_is_found_at_its_centre_with_a_sigma_that_holds(
+    contrast: tuple[float, float],
+) -> None:
+    rng = np.random.default_rng(5)
+    centers = [(19.5 + x, 20.0 + y) for x, y in rng.uniform(-1, 1, (6, 2))]
+    images = [_ball(center, contrast, rng) for center in centers]
+    shape = learn_shape([cut_patch(one, (0, 1), (19.5, 20.0), 14.0) for one in images], 6.0)
+    disc = finished(shape)
+    assert disc is not None
+    np.testing.assert_allclose(np.array(disc.shade) * 6.0, contrast, atol=0.05)
+    off = np.array([fit(one, (0, 1), (19.5, 20.0), disc)[:2] for one in images]) - centers
+    assert np.abs(off.mean(axis=0)).max() < 0.05
+    x, y, both = bent_shade(disc)
+    assert off.mean(axis=0) @ np.linalg.solve([[x + 1e-4, both], [both, y + 1e-4]], off.mean(axis=0)) < 9.0
+    flat = fit(images[0], (0, 1), (19.5, 20.0), replace(disc, shade=NO_SHADE))[:2] - centers[0]
+    assert np.hypot(*flat) > 0.2
+
+
+def test_a_flat_mark_has_no_shade() -> None:
+    rng = np.random.default_rng(6)
+    images = [_ball((19.7, 20.2), (0.0, 0.0), rng) for _ in range(6)]
+    disc = finished(learn_shape([cut_patch(one, (0, 1), (19.5, 20.0), 14.0) for one in images], 6.0))
+    assert disc is not None
+    assert disc.shade == NO_SHADE
+    assert not bent_shade(disc).any()
+
+
+@pytest.mark.parametrize(("flat_noise", "shaded"), [(6.1, True), (5.9, False)])
+def test_a_shade_is_believed_if_no_flat_mark_leaves_about_as_little(
+    flat_noise: float, shaded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wire across the rim, or light from beyond an edge, looks like a shade until it is taken out."""
+
+    def learn(_patches: Any, _radius: float, _blur: float, *, shaded: bool) -> Any:
+        yield
+        return replace(DISC, shade=(0.05, 0.0), noise=4.0) if shaded else replace(DISC, noise=flat_noise)
+
+    monkeypatch.setattr(appearance, "learn_disc", learn)
+    patches = [cut_patch(np.zeros((40, 40), np.uint8), (0, 1), (20.0, 20.0), 14.0)]
+    disc = finished(learn_shape(patches, 8.0))
+    assert disc is not None
+    assert (disc.shade != NO_SHADE) is shaded
