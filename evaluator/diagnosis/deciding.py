@@ -12,7 +12,7 @@ from evaluator.diagnosis.assessment.sole_run import sole_run
 from evaluator.diagnosis.experiment import Session
 from evaluator.diagnosis.inference.profile_likelihood import Profile, profiles_of
 from evaluator.diagnosis.inference.search import Search, fit_set
-from evaluator.diagnosis.inference.strategy import extend
+from evaluator.diagnosis.inference.strategy import extend, fit_alike
 from evaluator.diagnosis.inference.watch import SearchStoppedError, Watch
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs
 from evaluator.diagnosis.search_input import Prepared
@@ -100,6 +100,7 @@ def _with_last(search: Search, last: Mapping[str, Candidate], named: Set) -> Sea
     for ids in dict.fromkeys([named, *(named - {effect} for effect in sorted(named)), frozenset[str]()]):
         if wider.reached(ids) is not None:
             extend(wider, ids, last)
+    fit_alike(wider)
     return wider
 
 

@@ -13,7 +13,9 @@ AHEAD, TURN, WHEEL = (
     for name in ("ahead_rpm_s", "turn_rpm_s", "wheel_rpm_s")
 )
 STEP_S = 0.01  # time to reach full speed: a delay of this size is visible in the marks (command-lag)
-BEGUN_S = 0.5  # time to reach the usual speed at the start of a fit: typical of robots of a metre
+# Times to reach the usual speed at the starts of a fit: typical of robots of a metre, and those of smaller ones. From a
+# time far above the true one no fit of marks of micrometres converges, and a lag was named for a ramp of 0.25 s.
+BEGUN_S, BEGUN_SMALL_S = (0.5,), (0.5, 0.15, 0.05)
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -35,8 +37,15 @@ def _fitted(scene: Scene) -> Candidate:
         names = (AHEAD.name, TURN.name, WHEEL.name)
         return {name: 1 / max(value, 1 / NO_LIMIT_RPM_S) for name, value in zip(names, values, strict=True)}
 
-    begun = BEGUN_S / scene.usual_rpm
-    return Candidate("acceleration-limit", parts, physical, ((begun, begun, 0.0), (0.0, 0.0, begun)))
+    begun = [time_s / scene.usual_rpm for time_s in (BEGUN_S if scene.size.full else BEGUN_SMALL_S)]
+    starts = [start for each in begun for start in ((each, each, 0.0), (0.0, 0.0, each))]
+    return Candidate("acceleration-limit", parts, physical, tuple(starts), alike=_other_limits)
+
+
+def _other_limits(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """The slowest ramp as that of each wheel alone, and as that of the mean and the difference of both sides alone."""
+    slowest = max(values)
+    return (0.0, 0.0, slowest), (slowest, slowest, 0.0)
 
 
 EFFECT = Effect(

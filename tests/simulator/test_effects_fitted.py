@@ -192,13 +192,19 @@ def test_limits_are_fitted_in_their_inverses_from_the_median_of_the_commanded_sp
     assert EFFECTS["speed-limit"].candidate(Scene(20.0, ())).starts[0] == pytest.approx((1 / 60,) * 3)
 
 
-def test_accelerations_are_fitted_in_their_inverses_from_half_a_second_to_the_median_of_the_commanded_speeds() -> None:
+def test_accelerations_are_fitted_in_their_inverses_from_times_to_the_median_of_the_commanded_speeds() -> None:
     found = candidate("acceleration-limit")
     assert found.physical((0.05, 0.0, 0.0)) == pytest.approx(
         {"wheel_rpm_s": 1e6, "ahead_rpm_s": 20.0, "turn_rpm_s": 1e6}
     )
     assert set(found.physical(found.absent).values()) == {1e6}
-    assert found.starts == (pytest.approx((0.05, 0.05, 0.0)), pytest.approx((0.0, 0.0, 0.05)))  # of 10, 10, 10 and 30
+    begun = (0.05, 0.015, 0.005)  # of 10, 10, 10 and 30; a small robot may be thirty times as quick as a large one
+    each = [start for value in begun for start in ((value, value, 0.0), (0.0, 0.0, value))]
+    assert np.array(found.starts) == pytest.approx(np.array(each))
+    assert found.alike is not None
+    assert found.alike((0.002, 0.01, 0.0)) == ((0.0, 0.0, 0.01), (0.01, 0.01, 0.0))  # other limits act nearly alike
+    ground = EFFECTS["acceleration-limit"].candidate(replace(SCENE, size=Size(100.0, 1.0)))
+    assert np.array(ground.starts) == pytest.approx(np.array(each[:2]))
 
 
 def test_magnets_are_fitted_in_the_balance_of_the_loads_and_the_logarithm_of_their_level() -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from evaluator.diagnosis import deciding
+from evaluator.diagnosis.diagnosis import diagnose
 from evaluator.diagnosis.inference.watch import SearchStoppedError
+from evaluator.progress import no_progress
+from tests.evaluator.diagnosis.hidden import hidden_session, offer_few
 
 LAST: Any = {"friction-across": "term"}
 ACROSS, LEVEL = frozenset(LAST), frozenset({"friction-level"})
@@ -32,8 +36,11 @@ class Searched:
 def test_they_are_added_to_the_best_set_with_and_without_each_of_its_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(deciding, "extend", lambda search, ids, among: asked.append((search.most_steps, ids, among)))
+    alike: list[Any] = []
+    monkeypatch.setattr(deciding, "fit_alike", alike.append)
     given: Any = Searched({frozenset(): "null", LEVEL: "level"})
     wider: Any = deciding._with_last(given, LAST, LEVEL)
+    assert alike == [wider]  # from coordinates far away, once they are fitted
     assert asked == [(99 + deciding.LAST_STEPS, ids, LAST) for ids in (LEVEL, frozenset())]
     assert wider.terms == {"friction-level": "term", "friction-across": "term"}
     assert wider.fits is not given.fits
@@ -104,3 +111,12 @@ def test_contradicted_tolerances_are_freed_on_a_plate_where_the_model_explains_t
     found = deciding.decided(*given)
     search = "freed" if verdict in ("none", "effect") and not open_ground else "search"
     assert found == (search, freed if search == "freed" else said, {"of": search} if verdict == "effect" else {})
+
+
+def test_a_ramp_of_the_motors_of_a_small_robot_is_no_lag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lag delays each run alike and a ramp the fast ones more; a ramp of 0.25 s was a lag, of probability 1."""
+    offer_few(monkeypatch, ("command-lag", "acceleration-limit"), ("none",))
+    session = hidden_session(tmp_path, {"acceleration-limit": {"wheel_rpm_s": 210.0}}, exact=True)
+    found = diagnose(session, no_progress)
+    assert (found.verdict, found.chosen) == ("effect", frozenset({"acceleration-limit"}))
+    assert found.fit.point.terms["acceleration-limit"][2] == pytest.approx(1 / 210.0, rel=0.02)
