@@ -106,3 +106,20 @@ def test_frames_without_marks_and_short_runs_stay_as_they_are() -> None:
     short = path()[:12]
     short[5] += [2.0, 0.0, 0.0, 0.0]
     assert not np.isnan(without_wrong_pairs(short)).any()
+
+
+@pytest.mark.parametrize("frames", [6, 9, 12])
+def test_residuals_that_move_during_a_short_ramp_are_kept(frames: int) -> None:
+    """A model without a ramp of its motors is off by it: frames of the ramp were outliers, and its duration 2 % off.
+
+    Its residuals rest before and afterwards; a jump on the way is an outlier nevertheless.
+    """
+    rng = np.random.default_rng(4)
+    since = np.clip((np.arange(240) - 60) / frames, 0.0, 1.0)
+    way = (since - since**2 / 2) * 0.3 * frames  # of a robot that drives at once ahead of one that speeds up
+    values = np.column_stack([way, 0.2 * way, np.zeros(240), np.zeros(240)]) + rng.normal(0, 0.003, (240, 4))
+    kept = np.isfinite(without_outliers(values, CHANNELS))
+    assert kept.all()
+    values[[30, 60 + frames // 2, 150], 0] += 3.0
+    seen = np.isfinite(without_outliers(values, CHANNELS)[:, 0])
+    assert np.flatnonzero(~seen).tolist() == [30, 60 + frames // 2, 150]

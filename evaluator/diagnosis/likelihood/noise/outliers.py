@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, percentile_filter
 
 from evaluator.robust import PER_MEDIAN, median_of_rows, quantile_of_rows, robust_sigma
 
@@ -26,10 +26,10 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
     """Coordinates (n, 4), mm, with tracking errors, which jump away from their neighbours and back, set to NaN.
 
     parts: columns that are tested together: marks, or channels of residuals. Residuals of a good model vary slowly, so
-    that they show jumps that are hidden in the motion of the marks. A coordinate is an outlier if its distance from the
-    prediction of the frames around it (the median of the midpoints of pairs) exceeds OUTLIER_SIGMAS robust standard
-    deviations of this distance and OUTLIER_STEPS times the motion between frames: no robot leaves its path for one or
-    two frames.
+    that they show jumps that are hidden in the motion of the marks. A coordinate is an outlier if its distances from
+    what the frames around it (the median of the midpoints of pairs), those before and those after it say all exceed
+    OUTLIER_SIGMAS robust standard deviations of the first one and OUTLIER_STEPS times the motion between frames: no
+    robot leaves its path for one or two frames.
     """
     cleaned = values.copy()
     for part in parts:
@@ -45,10 +45,34 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS) -> Floats
         off = points - said
         sigma = PER_MEDIAN * median_of_rows(np.abs(off - median_of_rows(off))) + LEAST_SIGMA_MM
         # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
-        step = quantile_of_rows(np.abs(np.diff(said, axis=0)), 0.95)
+        steps = np.abs(np.diff(said, axis=0))
+        step = np.maximum(quantile_of_rows(steps, 0.95), _usual_about(steps))
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
-        cleaned[seen[(np.abs(off) > limit).any(axis=1)], part] = np.nan
+        before, after = (side[half : half + count] - points for side in (_before(longer), _before(longer[::-1])[::-1]))
+        least = np.minimum(np.abs(off), np.minimum(np.abs(before), np.abs(after)))
+        cleaned[seen[(least > limit).any(axis=1)], part] = np.nan
     return cleaned
+
+
+def _before(path: Floats) -> Floats:
+    """A path (n, k) as the frames before each say it, from the first that has enough of them.
+
+    Where motion begins or ends between two frames, those on one side say where it is; a jump is off both.
+    """
+    most = 2 * ENDS_FROM[-1]
+    said = median_of_rows([2 * path[most - j : -j] - path[most - 2 * j : -2 * j] for j in ENDS_FROM])
+    return np.concatenate([path[:most], said])
+
+
+def _usual_about(steps: Floats) -> Floats:
+    """The usual step (n + 1, k) around each frame, from the n steps between them: a quarter may be larger.
+
+    Residuals of a model without a ramp of the motors move while that lasts, and not in the other 95 % of a run; without
+    these frames the ramp would be unseen.
+    """
+    size = min(AROUND, len(steps))
+    usual = percentile_filter(steps, 75, size=(size, 1), mode="nearest")
+    return np.asarray(np.maximum(np.vstack([usual[:1], usual]), np.vstack([usual, usual[-1:]])))
 
 
 def without_wrong_pairs(values: Floats) -> Floats:
