@@ -21,6 +21,7 @@ from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData
 from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors, shared_errors
 from evaluator.diagnosis.long_sessions import LONGEST_S, NOT_NEEDED, PIECE_S, needed_runs, pieces_of
 from evaluator.diagnosis.mistakes.frame_times import wrong_seconds
+from evaluator.diagnosis.mistakes.misread.other_log import misassigned
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Mistake, mistakes_of
 from evaluator.diagnosis.mistakes.start.handling import between_hands
@@ -182,12 +183,14 @@ def mistakes_in(
 
 
 def _in_pieces(session: Session) -> Session:
-    """The session with long recordings of poses on open ground cut into pieces; those with a clock off are mistakes.
+    """The session with long recordings of poses on open ground cut into pieces; those with a wrong log are mistakes.
 
     A recording whose times are in another unit is kept whole: the search for mistakes names it.
     """
     runs = list(zip(session.data, session.robots, strict=True))
-    off = clocks_off([run for run, robot in runs if run.from_poses and is_full_size(robot)])
+    recorded = [run for run, robot in runs if run.from_poses and is_full_size(robot)]
+    off = misassigned(recorded)
+    off += clocks_off([run for run in recorded if run.id not in {item.run for item in off}])
     mistaken, left_out = {item.run for item in off}, dict[str, str]()
     data: list[RunData] = []
     robots: list[Robot] = []

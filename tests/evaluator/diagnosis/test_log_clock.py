@@ -4,33 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from evaluator.diagnosis.experiment import Session, _in_pieces, without_mistakes
-from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognised import Correction, recording_of
 from evaluator.diagnosis.mistakes.start import log_clock
 from evaluator.diagnosis.mistakes.start.log_clock import WIDEST_S, clocks_off
-from evaluator.interchange.commands import RunCommand
 from evaluator.interchange.log_offset import LogOffset
-from simulator.command import Command
 from simulator.robot import load_robot
-
-
-def driven(seed: int, late_s: float) -> RunData:
-    """A robot half a metre wide that follows a log of changes every 1.5 s, late."""
-    rng = np.random.default_rng(seed)
-    command = Command.steps([(1.5 * k, *rng.uniform(5, 40, 2)) for k in range(20)])
-    time = np.arange(0, 30, 0.05)
-    left, right = command.at(time - 0.05 - late_s)  # sums are of what was before
-    heading = np.cumsum(0.03 * (right - left)) * 0.05
-    way = np.cumsum(10.0 * (left + right) * np.exp(1j * heading)) * 0.05
-    off = 100j * np.exp(1j * heading)
-    marks = np.column_stack([(way + off).real, (way + off).imag, (way - off).real, (way - off).imag])
-    marks += rng.normal(size=marks.shape)
-    log = RunCommand(command, logged=True)
-    return RunData(f"r{seed}", 30.0, 20.0, 0.0, None, time, marks, seed, log=log, from_poses=True)
+from tests.evaluator.diagnosis.posed_runs import driven
 
 
 def test_a_run_with_another_offset_than_the_others_is_left_out_with_its_change_of_start() -> None:
