@@ -135,6 +135,15 @@ def test_where_no_model_explains_the_runs_one_diverges_that_obstructs_them(
         assert diverging_runs.diverging_runs(search) == found
 
 
+def test_a_run_of_many_frames_stands_out_by_its_misfit_in_each() -> None:
+    search = search_of([1.0] * 4, [0.0, 0.0, 0.0, 9.0], misfit=11.0, excess=9.0)
+    squares, freedom = search.fits[frozenset({"drift"})].misfits
+    squares[3], freedom[3] = 2 * squares[3], 2 * freedom[3]
+    assert diverging_runs.diverging_runs(search) == [3]
+    freedom[3] *= 2
+    assert diverging_runs.diverging_runs(search) == []
+
+
 def test_more_runs_than_go_wrong_by_themselves_do_not_diverge_from_a_model_that_explains_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -162,6 +162,16 @@ def test_a_proxy_that_was_picked_first_gives_way_to_what_is_better_in_its_place(
     assert len(asked) == len(set(asked))  # each once: a view of all candidates is dear
 
 
+def test_sets_that_cannot_be_the_answer_come_last_and_the_most_probable_of_them_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bound = frozenset({"lag", FORM}), frozenset({FORM})
+    search, _ = search_of(monkeypatch)
+    for ids in EVIDENCE:
+        search.fits[ids] = fit_of(ids, bound)
+    assert search_ground._ranked(search, 95)[-2:] == [{"lag", FORM}, {FORM}]
+
+
 @pytest.mark.parametrize("gain", [0.1, -0.1])
 def test_a_set_with_an_effect_that_does_not_help_significantly_comes_before_the_null_where_it_helps_on_average(
     gain: float, monkeypatch: pytest.MonkeyPatch
