@@ -150,7 +150,8 @@ def test_a_wrong_command_or_a_turn_the_other_way_misses_by_more_than_effects_mak
     def judgement(run: str, share: float) -> Any:
         stated = SimpleNamespace(id=run, command=(10.0, 20.0), log=None)
         ways = [SimpleNamespace(run=stated, kind=kind) for kind in (None, *kinds)]
-        return SimpleNamespace(ways=ways, share=share, misfits_mm=[3.0, 0.1, turned, turned], turn_rad=(np.nan, np.nan))
+        misfits_mm = [share / 0.32 * 3.0, 0.1, turned, turned]
+        return SimpleNamespace(ways=ways, extent_mm=3.0 / 0.32, misfits_mm=misfits_mm, turn_rad=(np.nan, np.nan))
 
     turned = 0.31
     kinds: tuple[Kind, ...] = ("wrong-command", "sides-swapped", "mirrored")

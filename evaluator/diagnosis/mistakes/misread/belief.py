@@ -105,12 +105,29 @@ def beyond_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -
 
 
 def far_from_the_others(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str] | None:
-    """Runs whose misfit is several times that of any run without a mistake; None if too few of these are known."""
+    """Runs whose misfit is several times that of any run without a mistake; None if too few of these are known.
+
+    An effect displaces a run in proportion to its path; marks that were placed by hand, a stand that shakes and noise
+    displace all runs alike, and are a third of a path that is short enough. What all runs have in common is therefore
+    not scaled with the path.
+    """
     wrong = {item.run for item in found}
-    right = [item.share for item in judgements if item.ways[0].run.id not in wrong]
-    if len(right) < FEWEST_SIMILAR or not np.isfinite(right).all():
+    right = [item for item in judgements if item.ways[0].run.id not in wrong]
+    misfits_mm = np.array([item.misfits_mm[0] for item in right])
+    if len(right) < FEWEST_SIMILAR or not np.isfinite(misfits_mm).all():
         return None
-    return {item.ways[0].run.id for item in judgements if item.share > BETTER * max(right)}
+    common_mm = min(ALIKE * float(misfits_mm.min()), float(misfits_mm.max()))
+    share = max(_beyond(common_mm, mm) / max(item.extent_mm, 1e-9) for mm, item in zip(misfits_mm, right, strict=True))
+    return {
+        item.ways[0].run.id
+        for item in judgements
+        if item.misfits_mm[0] > BETTER * np.hypot(common_mm, share * item.extent_mm)
+    }
+
+
+def _beyond(common_mm: float, misfit_mm: float) -> float:
+    """The part of a misfit, mm, that is not common to all runs."""
+    return float(np.sqrt(max(misfit_mm**2 - common_mm**2, 0.0)))
 
 
 def _surely_turned(found: Sequence[Found], judgements: Sequence[Judgement]) -> set[str]:

@@ -1,0 +1,45 @@
+"""Commands that were written wrongly: from where on the motion of a run shows it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
+from evaluator.diagnosis.mistakes.misread.belief import far_from_the_others
+from evaluator.diagnosis.mistakes.misread.judgement import Judgement
+from evaluator.diagnosis.mistakes.outrun import outruns_its_wheels
+from evaluator.diagnosis.mistakes.recognised import Found
+from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven
+
+RUN = driven(0)
+
+
+def test_what_displaces_all_runs_alike_does_not_count_more_in_short_runs() -> None:
+    """Marks that are 0.06 mm off: more than half of a path of 0.1 mm, and nothing of a path of 1 mm."""
+    mistyped, short = Found("r0", "wrong-command", "", ""), [0.058, 0.057, 0.06, 0.059]
+    runs = [(0.44, 0.75), *((misfit, extent) for misfit, extent in zip(short, [0.1, 0.4, 1.0, 2.0], strict=True))]
+    assert far_from_the_others([mistyped], judged(runs)) == {"r0"}
+    bent = [*runs[:-1], (0.5, 2.0)]  # a quarter of its path: an effect, which bends others as much
+    assert far_from_the_others([mistyped], judged(bent)) == set()
+    noisy = [(0.17, 0.75), *runs[1:]]  # less than three times what all runs are off
+    assert far_from_the_others([mistyped], judged(noisy)) == set()
+
+
+def judged(runs: list[tuple[float, float]]) -> list[Judgement]:
+    """Runs with their misfits and extents, mm."""
+    return [
+        Judgement([Alternative(None, replace(RUN, id=f"r{k}"))], np.array([misfit]), extent, ())
+        for k, (misfit, extent) in enumerate(runs)
+    ]
+
+
+@pytest.mark.parametrize(("times", "pushed"), [(1.0, True), (3.5, False)])
+def test_a_run_that_is_faster_than_slow_wheels_all_the_time_is_not_pushed(times: float, pushed: bool) -> None:
+    """At 3 rpm only the moment in which it is fastest is a leap; times: its usual speed over that of its wheels."""
+    time = np.arange(180) / 60
+    speed = np.where((time > 1.5) & (time < 1.8), 2 * ROLLED_MM_S, times * ROLLED_MM_S / 10)
+    run = replace(driven(0, speed=speed), left_rpm=3.0, right_rpm=3.0)
+    assert (outruns_its_wheels(run, ROBOT) is not None) == pushed
