@@ -8,7 +8,8 @@ import numpy as np
 
 from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.misread.hypotheses import REMEDIES, reading_of
+from evaluator.diagnosis.mistakes.misread.alternatives import REMEDIES
+from evaluator.diagnosis.mistakes.misread.hypotheses import reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Mistake
 from simulator.robot import Robot

@@ -9,6 +9,7 @@ import numpy as np
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.misread.command_unit import Factor, driven
+from evaluator.diagnosis.mistakes.misread.typing_slips import before_a_slip
 from evaluator.diagnosis.mistakes.motion import Onset, onset
 from evaluator.diagnosis.mistakes.recognised import Correction, Kind
 from evaluator.diagnosis.mistakes.start.late_start import LATE_S
@@ -24,6 +25,18 @@ RATE_TIMES = 5.0  # a start moved by a wrong rate lies within a fifth of the mov
 # Tried offsets of the clock of a command log, s: their steps are smaller than a late start.
 OFFSETS_S = tuple(float(t) for t in np.setdiff1d(np.round(np.arange(-2.0, 2.05, 0.1), 2), [0.0]))
 
+REMEDIES: dict[Kind, str] = {
+    "reversed": "change the signs of left_rpm and right_rpm in experiment.toml",
+    "sides-swapped": "exchange left_rpm and right_rpm in experiment.toml",
+    "marks-swapped": "exchange the columns of the two marks",
+    "mirrored": "mirror the recording, or the x of its marks",
+    "wrong-rate": "give the true frame rate (rate_hz), or correct time_s",
+    "wrong-unit": "give left_rpm and right_rpm in turns of the wheels per minute, or correct the robot file",
+    "wrong-command": "check which command belongs to this recording",
+    "late-start": "shift the times of its command log (start_s)",
+}
+TURN_HEADINGS = "add 180° to its headings"
+
 
 @dataclass(frozen=True)
 class Alternative:
@@ -36,6 +49,7 @@ class Alternative:
     later_s: float = 0.0  # offset of its command log relative to the file
     exact: bool = True  # whether its numbers are known, so that the files can be corrected by them
     wheels: tuple[float, bool] | None = None  # see Correction
+    slip: bool = False  # whether its command is the written one before a slip of the keyboard
 
 
 def alternatives(
@@ -76,7 +90,7 @@ def alternatives(
         ),
         *(_in_unit(run, factor) if factor else ()),
         *_other_commands(run, data),
-        *(_mistyped(run) if run.log is None else _offsets(run)),
+        *(_mistyped(run, _fastest_rpm(data)) if run.log is None else _offsets(run)),
     ]
 
 
@@ -164,16 +178,27 @@ def _other_commands(run: RunData, data: Sequence[RunData]) -> list[Alternative]:
     return found
 
 
-def _mistyped(run: RunData) -> list[Alternative]:
-    """The run with the speed of one side as it is before a slip of the keyboard."""
+def _fastest_rpm(data: Sequence[RunData]) -> float:
+    """The highest speed of a side, without its sign, at which any run is commanded."""
+    driven = [item for run in data for item in run.run_command.driven]
+    return max((max(abs(item.left_rpm), abs(item.right_rpm)) for item in driven), default=0.0)
+
+
+def _mistyped(run: RunData, fastest_rpm: float) -> list[Alternative]:
+    """The run with the speed of one side as it is before a slip of the keyboard; no digits make it faster than all."""
     left, right = run.command
+    meant = [
+        [(times * speed + 0.0, what) for times, what in MISTYPED.items()] for speed in run.command
+    ]  # off is not -0
+    for ways, speed in zip(meant, run.command, strict=True):
+        ways += [item for item in before_a_slip(speed).items() if abs(item[0]) <= fastest_rpm]
+    commands = {(speed, right): what for speed, what in meant[0]} | {(left, speed): what for speed, what in meant[1]}
     found = []
-    for times, what in MISTYPED.items():
-        for command in ((times * left + 0.0, right), (left, times * right + 0.0)):  # + 0: a side that is off is not -0
-            if command not in {(left, right), (-left, -right), (right, left)}:
-                words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm, not {left:g} / {right:g}"
-                changed = replace(run, left_rpm=command[0], right_rpm=command[1])
-                found.append(Alternative("wrong-command", changed, f"{words} (check {what})"))
+    for command, what in commands.items():
+        if command not in {(left, right), (-left, -right), (right, left)}:
+            words = f"moves as if it were commanded {command[0]:g} / {command[1]:g} rpm, not {left:g} / {right:g}"
+            changed = replace(run, left_rpm=command[0], right_rpm=command[1])
+            found.append(Alternative("wrong-command", changed, f"{words} (check {what})", slip=True))
     # Nothing drives one robot twice as fast as the others; many things drive one half as fast.
     words = f"moves as if it were commanded {2 * left:g} / {2 * right:g} rpm, not {left:g} / {right:g}"
     twice = replace(run, left_rpm=2 * left, right_rpm=2 * right)

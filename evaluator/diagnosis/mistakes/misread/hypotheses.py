@@ -20,6 +20,8 @@ from evaluator.diagnosis.likelihood.features import channels_of, rms_apart
 from evaluator.diagnosis.likelihood.run_data import RunData, Task, aligned_starts
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.misread.alternatives import (
+    REMEDIES,
+    TURN_HEADINGS,
     Alternative,
     alternatives,
     correction_to,
@@ -282,8 +284,9 @@ def _judged(
     """The mistake that a run fits, if any; misfits_mm: to compare, by default those of the judgement.
 
     good_mm: misfit of runs that fit their files. A mistake that fits several times better than the file, but worse than
-    these, is told as the nearest, and corrects nothing. among: the kinds of mistake; by default all. better: by which
-    factor it must fit better than the file.
+    these, is told as the nearest, and corrects nothing; a slip of the keyboard may fit ALIKE, because the digits of the
+    file are evidence too, and one run in a dozen that is read rightly fits worse than the others. among: the kinds of
+    mistake; by default all. better: by which factor it must fit better than the file.
     """
     ways, stated, misfits = item.ways, float(item.misfits_mm[0]), item.misfits_mm if misfits_mm is None else misfits_mm
     if any(way.kind == "wrong-unit" for way in ways) and not np.isfinite(stated):
@@ -314,7 +317,7 @@ def _judged(
     others = tuple(other for other in near if other != kind)
     words = ", or ".join(near[one][1].words for one in (kind, *others))
     apart = f"distance of simulated and measured marks: {stated:.2g} mm as stated in the file, {best:.2g} mm when "
-    if best > good_mm:
+    if best > good_mm * (ALIKE if near[kind][1].slip else 1.0):
         evidence = f"{words} ({apart}corrected, at most {good_mm:.2g} mm in the other runs)"
         seen = f"contradicts its file, and no usual mistake fits; the nearest: {evidence}"
         return Found(ways[0].run.id, kind, seen, "check what was commanded, and inspect the recording", others)
@@ -322,19 +325,6 @@ def _judged(
     remedies = REMEDIES | ({"marks-swapped": TURN_HEADINGS} if ways[0].run.from_poses else {})
     remedy = "; or ".join(remedies[one] for one in (kind, *others))
     return Found(ways[0].run.id, kind, seen, remedy, others, correction)
-
-
-REMEDIES: dict[Kind, str] = {
-    "reversed": "change the signs of left_rpm and right_rpm in experiment.toml",
-    "sides-swapped": "exchange left_rpm and right_rpm in experiment.toml",
-    "marks-swapped": "exchange the columns of the two marks",
-    "mirrored": "mirror the recording, or the x of its marks",
-    "wrong-rate": "give the true frame rate (rate_hz), or correct time_s",
-    "wrong-unit": "give left_rpm and right_rpm in turns of the wheels per minute, or correct the robot file",
-    "wrong-command": "check which command belongs to this recording",
-    "late-start": "shift the times of its command log (start_s)",
-}
-TURN_HEADINGS = "add 180° to its headings"
 
 
 def _extent(marks: Floats, measured: Floats) -> float:
