@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, alternatives
-from evaluator.diagnosis.mistakes.misread.belief import far_from_the_others
+from evaluator.diagnosis.mistakes.misread.belief import far_from_the_others, without_shared_commands
 from evaluator.diagnosis.mistakes.misread.hypotheses import _judged
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.misread.typing_slips import before_a_slip
 from evaluator.diagnosis.mistakes.outrun import outruns_its_wheels
-from evaluator.diagnosis.mistakes.recognised import Found
+from evaluator.diagnosis.mistakes.recognised import Correction, Found
 from tests.evaluator.diagnosis.straight_session import ROBOT, ROLLED_MM_S, driven
 
 RUN = driven(0)
@@ -62,6 +62,25 @@ def judged(runs: list[tuple[float, float]]) -> list[Judgement]:
         Judgement([Alternative(None, replace(RUN, id=f"r{k}"))], np.array([misfit]), extent, ())
         for k, (misfit, extent) in enumerate(runs)
     ]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ([26.0, 10.0, 20.0, 30.0, 40.0], 0),  # r2 and r4 move as r0: a fence, not a keyboard
+        ([10.0, 20.0, 30.0, 26.0, 40.0], 2),  # in a row: the program stayed at its command
+        ([26.0, 10.0, 20.0, 26.0, 40.0], 2),  # a command that is driven again is mixed up more easily
+    ],
+)
+def test_runs_apart_that_share_the_motion_of_a_third_are_led_by_the_plate(given: list[float], told: int) -> None:
+    runs = [replace(RUN, id=f"r{k}", left_rpm=speed, right_rpm=26.0) for k, speed in enumerate(given)]
+    seen = [Judgement([Alternative(None, run)], np.array([1.0]), 10.0, ()) for run in runs]
+    found = [
+        Found(run, "wrong-command", "moves as if", "", correction=Correction(command=(26.0, 26.0)))
+        for run in ("r2", "r4")
+    ]
+    assert without_shared_commands(found, seen) == found[:told]
+    assert without_shared_commands(found[:1], seen) == found[:1]
 
 
 @pytest.mark.parametrize(("slip", "corrects"), [(True, True), (False, False)])

@@ -182,6 +182,26 @@ def without_regimes(found: Sequence[Found], judgements: Sequence[Judgement]) -> 
     return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
 
 
+def without_shared_commands(found: Sequence[Found], judgements: Sequence[Judgement]) -> list[Found]:
+    """The findings without wrong commands that runs here and there share with one other run.
+
+    A program that stays at its command does so in runs that follow one another. Of runs apart, it is the plate that
+    leads them to one path: a fence made a turn on the spot and a turn about a wheel the straight run of a third.
+    """
+    runs = [item.ways[0].run for item in judgements]
+    sharing: dict[object, set[str]] = {}
+    for item in found:
+        if item.kind == "wrong-command" and item.correction is not None:
+            sharing.setdefault(_command_of(item.correction), set()).add(item.run)
+    physical = set[str]()
+    for command, alike in sharing.items():
+        given = {run.id for run in runs if _command_of(run) == command} - alike
+        places = [k for k, run in enumerate(runs) if run.id in alike | given]
+        if len(alike) > 1 and len(given) == 1 and places[-1] - places[0] >= len(places):
+            physical |= alike
+    return [item for item in found if item.kind != "wrong-command" or item.run not in physical]
+
+
 def beyond_tolerances(found: Sequence[Found], judgements: Sequence[Judgement], robots: Sequence[Robot]) -> list[Found]:
     """The findings that hold with values within their tolerances.
 

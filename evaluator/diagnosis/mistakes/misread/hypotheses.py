@@ -37,6 +37,7 @@ from evaluator.diagnosis.mistakes.misread.belief import (
     one_rate_fits,
     turned_away,
     without_regimes,
+    without_shared_commands,
 )
 from evaluator.diagnosis.mistakes.misread.command_unit import speed_factors
 from evaluator.diagnosis.mistakes.misread.judgement import (
@@ -113,7 +114,7 @@ def misread(data: Sequence[RunData], robots: Sequence[Robot]) -> Misread:
         found = [item for item in found if item.kind != "wrong-rate" or item.run in shown]
     alike = late_alike(judgements)  # a lag of the motors or the clock is left to the diagnosis
     found = [item for item in found if item.kind != "late-start" or item.run not in alike]
-    found = without_regimes(beyond_the_others(found, judgements), judgements)
+    found = without_shared_commands(without_regimes(beyond_the_others(found, judgements), judgements), judgements)
     # runs that no common mistake can concern, as straight ones by exchanged sides, stay alone too, but not most
     alone = sum(len(item.ways) == 1 for item, is_odd in zip(judgements, odd, strict=True) if is_odd)
     unread = _unread(len(data), sum(odd)) if 2 * alone > max(sum(odd) - SAMPLE, 0) else ""
