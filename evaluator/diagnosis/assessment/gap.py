@@ -51,6 +51,7 @@ BEYOND_FLOOR, LEAST_SHARE = 1.5, 0.5
 CHANGED_FLOORS = 0.5  # of the noise floor: the default of a relevant change of the path
 # Predicted gap over the median of all runs from which, before and after, a prediction took another turn. In a log whose
 # robot had two turns to choose from, 3 of 51 parts were 19 to 24 times the median off, the others at most 1.7 times.
+# Noise floors differ less, unless a run diverges: one of sixteen was 2 mm, the others 15 µm.
 ANOTHER_TURN = 10.0
 
 
@@ -60,7 +61,8 @@ class Gap:
 
     not_predicted: why the prediction of a run from its start pose counts in no RMS; its predicted gaps are then NaN.
     elsewhere: runs that neither model follows on open ground, in no RMS. A part of a recording in which the robot took
-    the other one of two turns is tens of noise floors away, before and after, and would be all that an RMS shows.
+    the other one of two turns is tens of noise floors away, before and after, and would be all that an RMS shows. So
+    would be a run whose noise floor is far above that of the others (diverging), which is in no RMS, either.
     """
 
     before_mm: Floats
@@ -71,9 +73,15 @@ class Gap:
     not_predicted: Mapping[int, str] = field(default_factory=dict)
     elsewhere: tuple[int, ...] = ()
 
+    @property
+    def diverging(self) -> tuple[int, ...]:
+        """Runs in which friction that varies as usual leads to another path, so that they tell nothing of the gap."""
+        return tuple(np.flatnonzero(self.floor_mm > ANOTHER_TURN * np.nanmedian(self.floor_mm)).tolist())
+
     def rms(self, values: Floats, runs: Sequence[int]) -> float:
         """RMS of values (n,) by run over those runs of some that count."""
-        return rms(values, [run for run in runs if run not in self.elsewhere])
+        without = {*self.elsewhere, *self.diverging}
+        return rms(values, [run for run in runs if run not in without])
 
     def answered(self, *, added: bool) -> Gap:
         """The gap reported with an answer: that of the file, if nothing is added and adjusted values do not reduce it.

@@ -132,6 +132,7 @@ class GapContent(TypedDict):
     predicted: PredictedContent
     not_predicted: dict[str, str]  # by run: why its prediction from the start pose counts in no RMS
     elsewhere: list[str]  # runs on open ground that neither model follows, as after another turn: in no RMS
+    diverging: list[str]  # runs whose noise floor is ten times the median and more: in no RMS
     noise_floor: Number  # gap that noise alone causes
     held_out_gain_sigmas: Number  # significance of the better prediction of the held-out runs; null if none is held out
     by_run: dict[str, RunGapContent]  # by run

@@ -237,6 +237,7 @@ def _gap(diagnosis: Diagnosis) -> GapContent:
         "predicted": {"before": pair(gap.predicted_before_mm), "after": pair(gap.predicted_after_mm)},
         "not_predicted": {ids[run]: reason for run, reason in sorted(gap.not_predicted.items())},
         "elsewhere": [ids[run] for run in gap.elsewhere],
+        "diverging": [ids[run] for run in gap.diverging],
         "noise_floor": rounded(gap.rms(gap.floor_mm, everything)),
         "held_out_gain_sigmas": rounded(math.sqrt(max(2 * diagnosis.confirmation, 0.0)))
         if math.isfinite(diagnosis.confirmation)

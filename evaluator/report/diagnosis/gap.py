@@ -37,6 +37,8 @@ def gap_sentence(content: Json) -> str:
     noise = f"{NOISE_FLOOR if has_scatter else FLOOR_OF_GROUND} {length(gap['noise_floor'])}"
     if lost := gap.get("elsewhere"):
         noise = f"{noise}; without {', '.join(lost)}, which neither model follows"
+    if free := gap.get("diverging"):
+        noise = f"{noise}; without {', '.join(free)}, where friction that varies as usual leads to another path"
     if not again:
         return f"The RMS distance between simulated and measured marks is {parts}; {noise}."
     how = after_words(content).capitalize()

@@ -43,6 +43,18 @@ def test_a_form_without_a_name_explains_runs_held_out_where_the_file_does_not_fo
     assert not not_shrunk(usual)
 
 
+@pytest.mark.parametrize(("floor_mm", "diverging"), [(0.051, (3,)), (0.049, ())])
+def test_a_run_whose_noise_floor_is_ten_times_the_usual_one_is_in_no_gap(
+    floor_mm: float, diverging: tuple[int, ...]
+) -> None:
+    """The floor of one of sixteen was 2 mm, the others 15 µm, and the page said 501 µm of all."""
+    usual = replace(gap(0.01), floor_mm=np.where(np.arange(RUNS) == 3, floor_mm, 0.005))
+    usual.after_mm[3] = 4.0
+    assert usual.diverging == diverging
+    assert (usual.rms(usual.floor_mm, range(RUNS)) == pytest.approx(0.005)) == bool(diverging)
+    assert (usual.rms(usual.after_mm, range(RUNS)) == pytest.approx(0.01)) == bool(diverging)
+
+
 @pytest.mark.parametrize(("grown", "speaks"), [(0, False), (6, False), (9, False), (10, True), (12, True)])
 def test_a_predicted_gap_may_grow_in_no_more_runs_than_chance_allows(grown: int, speaks: bool) -> None:
     assert (f"grows in {grown} of {RUNS} runs" in grown_gap(gap(0.01, grown=grown))) == speaks

@@ -21,6 +21,9 @@ HARDLY = {**GAP, "before": {"fit": 0.0060001, "held_out": 0.0070001}}
 LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
 
 
+DIVERGED = "where friction that varies as usual leads to another path"
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -48,6 +51,10 @@ LOST = {**GAP, "after": {"fit": None, "held_out": 0.1}}
         (
             {**FOUND, "gap": {**GAP, "elsewhere": ["r3", "r5"]}},
             f"With the effects found, {RMS} changes {BOTH}; {FLOOR[:-1]}; without r3, r5, which neither model follows.",
+        ),
+        (
+            {**FOUND, "gap": {**GAP, "elsewhere": [], "diverging": ["r8"]}},
+            f"With the effects found, {RMS} changes {BOTH}; {FLOOR[:-1]}; without r8, {DIVERGED}.",
         ),
         ({"verdict": "none", "gap": {}}, ""),
         ({"verdict": "none"}, ""),

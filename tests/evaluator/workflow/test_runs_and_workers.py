@@ -228,11 +228,14 @@ def test_a_scale_that_is_not_exact_widens_a_turn_and_several_motions_are_told(
             with_scale=turn,
             to_row=lambda: {"scale": scale},
             summary=lambda: "a turn",
+            mark_spacing_ratio=1.19,
         )
 
     asked: list[Any] = []
     monkeypatch.setattr(turning_tables, "measure_turning", lambda *said, **more: asked.append((said, more)) or turn(0))
     monkeypatch.setattr(turning_tables, "several_motions", lambda *said: several and said == ((), 0.5, 2.0))
+    monkeypatch.setattr(turning_tables, "spacing_fault", lambda _: "wrong unit" if several else "")
+    monkeypatch.setattr(turning_tables, "spacing_note", lambda ratio: (f"{ratio} times as far apart",))
     monkeypatch.setattr(turning_tables, "_phase_line", lambda row: f"phase {row['phase']} of {row['run']}")
     request: Any = SimpleNamespace(start_s=0.5, stop_s=2.0, robot=None, left_rpm=3.0, right_rpm=4.0)
     found = turning_tables._measured({"run": "r"}, "poses", request, ["a line"], sigma)  # type: ignore[arg-type]
@@ -241,7 +244,8 @@ def test_a_scale_that_is_not_exact_widens_a_turn_and_several_motions_are_told(
         {"run": "r", "scale": sigma},
         ({"run": "r", "phase": 1}, {"run": "r", "phase": 2}),
     )
-    assert found.lines == ("a turn", "a line", *(("phase 1 of r", "phase 2 of r") if several else ()))
+    doubt = () if several else ("1.19 times as far apart",)  # a fault of the unit is the summary
+    assert found.lines == ("a turn", *doubt, "a line", *(("phase 1 of r", "phase 2 of r") if several else ()))
 
 
 @pytest.mark.parametrize(("workers", "jobs"), [(1, [3, 4]), (4, [3])])
