@@ -201,6 +201,7 @@ def test_accelerations_are_fitted_in_their_inverses_from_times_to_the_median_of_
     begun = (0.05, 0.015, 0.005)  # of 10, 10, 10 and 30; a small robot may be thirty times as quick as a large one
     each = [start for value in begun for start in ((value, value, 0.0), (0.0, 0.0, value))]
     assert np.array(found.starts) == pytest.approx(np.array(each))
+    assert [(item.low, item.high) for item in found.coordinates] == [(0.0, pytest.approx(1.0))] * 3  # ten seconds
     assert found.alike is not None
     assert found.alike((0.002, 0.01, 0.0)) == ((0.0, 0.0, 0.01), (0.01, 0.01, 0.0))  # other limits act nearly alike
     ground = EFFECTS["acceleration-limit"].candidate(replace(SCENE, size=Size(100.0, 1.0)))

@@ -26,7 +26,7 @@ MATERIAL = 16.0
 FAR_BEYOND = 3.0  # tolerances from which a value is a finding (assessment.knowledge)
 FIRM = 0.1  # share of its tolerance to which a value far beyond it is led back
 # Mean square of the residuals of a fit over the least of all sets, from which other starting values have not helped: of
-# four sessions with limited wheels, they reduced it from there by a third at most.
+# a dozen sets of a session with limited wheels, they reduced it from there by a third at most.
 HOPELESS = 10.0
 WIDER = (2.0, 4.0)  # times the usual scatter, by which a fit is continued that ends worse with any at once
 LARGEST_SET = 3
