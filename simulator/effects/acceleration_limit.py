@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from simulator.effects.coordinates import Candidate, Coordinate, Parameters, Scene
 from simulator.effects.definition import Effect, Values
 from simulator.effects.draft import Draft
@@ -16,7 +18,7 @@ STEP_S = 0.01  # time to reach full speed: a delay of this size is visible in th
 # Times to reach the usual speed at the starts of a fit: typical of robots of a metre, and those of smaller ones. From a
 # time far above the true one no fit of marks of micrometres converges, and a lag was named for a ramp of 0.25 s.
 BEGUN_S, BEGUN_SMALL_S = (0.5,), (0.5, 0.15, 0.05)
-LONGEST_S = 10.0  # time to reach the usual speed that no drive needs: a limit that does not act shows no other bound
+LONGEST_S = 10.0  # time to the usual speed that no small motor needs: a limit that does not act shows no other bound
 
 
 def _act(draft: Draft, values: Values) -> None:
@@ -29,7 +31,8 @@ def _fitted(scene: Scene) -> Candidate:
 
     A drive limits its speeds ahead and in turns, or each of its motors: a fit begins with either.
     """
-    step, most = STEP_S / scene.usual_rpm, LONGEST_S / scene.usual_rpm
+    step = STEP_S / scene.usual_rpm
+    most = math.inf if scene.size.full else LONGEST_S / scene.usual_rpm
     parts = tuple(
         Coordinate(f"s_per_rpm_{item.name.removesuffix('_rpm_s')}", 0.0, step, 0.0, most, closed=True)
         for item in (AHEAD, TURN, WHEEL)

@@ -206,6 +206,7 @@ def test_accelerations_are_fitted_in_their_inverses_from_times_to_the_median_of_
     assert found.alike((0.002, 0.01, 0.0)) == ((0.0, 0.0, 0.01), (0.01, 0.01, 0.0))  # other limits act nearly alike
     ground = EFFECTS["acceleration-limit"].candidate(replace(SCENE, size=Size(100.0, 1.0)))
     assert np.array(ground.starts) == pytest.approx(np.array(each[:2]))
+    assert {item.high for item in ground.coordinates} == {math.inf}
 
 
 def test_magnets_are_fitted_in_the_balance_of_the_loads_and_the_logarithm_of_their_level() -> None:
