@@ -31,8 +31,6 @@ from simulator.dynamics.terms import (
 
 # Smoothing width of the sign of the yaw rate: far below any yaw rate that is measured (0.06 degrees over 10 s).
 REST_YAW_RATE_RAD_S = 1e-4
-# The attraction of a point is smoothed within 2 mm, half the wheelbase, where the robot is no longer a point.
-POINT_SIZE_MM = 2.0
 REFERENCE_MM = 10.0  # distance at which an attraction that falls off has its stated force
 
 
@@ -70,11 +68,18 @@ def velocity_basis(basis: int, u: float, v: float, r: float, rest_speed: float) 
 
 @compiled()
 def place_basis(
-    basis: int, x: float, y: float, cos: float, sin: float, time: float, angle: float, point: tuple[float, float, float]
+    basis: int,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    time: float,
+    angle: float,
+    point: tuple[float, float, float, float],
 ) -> float:
     """Bases of position (mm), heading (its cosine and sine), time (s) and wheel angle (rad).
 
-    point: x, y (mm) and fall-off of the bases toward a point.
+    point: x, y (mm), fall-off and depth (mm) of the bases toward a point.
     """
     if basis == COS:
         return cos
@@ -94,9 +99,9 @@ def place_basis(
         return math.cos(angle)
     if basis == SIN_ANGLE:
         return math.sin(angle)
-    to_x, to_y, falloff = point
+    to_x, to_y, falloff, depth = point
     away_x, away_y = to_x - x, to_y - y
-    distance = math.sqrt(away_x * away_x + away_y * away_y + POINT_SIZE_MM * POINT_SIZE_MM)
+    distance = math.sqrt(away_x * away_x + away_y * away_y + depth * depth)
     size: float = 1.0 if falloff == 0.0 else (REFERENCE_MM / distance) ** falloff
     return size * away_x / distance if basis == TOWARD_X else size * away_y / distance
 

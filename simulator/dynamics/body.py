@@ -25,7 +25,7 @@ def body_forces(u: float, v: float, r: float, place: Any, rest: float, model: An
     for term in range(model.body_terms):
         channel, basis, value = model.channel[term], model.basis[term], model.coefficient[term]
         if basis >= COS:
-            point = model.point_x[term], model.point_y[term], model.falloff[term]
+            point = model.point_x[term], model.point_y[term], model.falloff[term], model.point_depth
             value *= place_basis(basis, x, y, cos, sin, time, 0.0, point)
         elif basis != ONE:
             value *= velocity_basis(basis, u, v, r, rest)

@@ -71,7 +71,7 @@ def _update_one(
     side = model.side[wheel]
     driven = model.driving[wheel] != 0.0
     free, steer = surface, model.steer[wheel]
-    load, friction, across, stiffness, drag = 1.0, 1.0, 1.0, 1.0, 0.0
+    load, friction, grain, across, stiffness, drag = 1.0, 1.0, 1.0, 1.0, 1.0, 0.0
     x, y, cos, sin, time = place
     for term in range(model.body_terms, model.body_terms + model.wheel_terms):
         value = model.pattern[term, wheel] * model.coefficient[term]
@@ -86,7 +86,7 @@ def _update_one(
             at_x = x + cos * model.wheel_x[wheel] - sin * model.wheel_y[wheel]
             at_y = y + sin * model.wheel_x[wheel] + cos * model.wheel_y[wheel]
             angle = drive[2 + side] if driven else 0.0
-            point = model.point_x[term], model.point_y[term], model.falloff[term]
+            point = model.point_x[term], model.point_y[term], model.falloff[term], model.point_depth
             value *= place_basis(basis, at_x, at_y, cos, sin, time, angle, point)
         elif basis != ONE:
             value *= velocity_basis(basis, u, v, r, rest)
@@ -100,10 +100,13 @@ def _update_one(
             stiffness += value
         elif channel == DRAG:
             drag += value
+        elif channel == FRICTION and basis >= SLIDE_COS2:
+            grain += value  # by direction: a factor of its own, because place and direction act independently
         elif channel == FRICTION:
             friction += value
         elif channel == FRICTION_ACROSS:
             across += value
+    friction = max(friction, 0.0) * max(grain, 0.0)
     load, friction, stiffness = max(load, LEAST_FACTOR), max(friction, LEAST_FACTOR), max(stiffness, LEAST_FACTOR)
     across = max(across, LEAST_FACTOR)
     steep = stiffness / friction if model.stiffness_follows_load[wheel] else stiffness / (load * friction)

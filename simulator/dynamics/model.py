@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.dynamics.record import EMPTY, LAW, MOST_TERMS, NUMBERS, WHEELS
-from simulator.dynamics.scale import most_slots, scaled_coefficient
+from simulator.dynamics.scale import POINT_DEPTH_MM, most_slots, scaled_coefficient
 from simulator.dynamics.terms import FRICTION, UN_PER_MN, Term, pattern_weights
 from simulator.effects import free_form
 from simulator.effects.catalogue import EFFECTS, effect_values, faults_of_effects
@@ -225,6 +225,7 @@ def _fill_terms(row: Any, draft: Draft, unit: float) -> None:
     points = np.array([term.point_mm for term in ordered]) / (unit * unit)
     row["point_x"][:count], row["point_y"][:count] = points.T
     row["falloff"][:count] = [term.falloff for term in ordered]
+    row["point_depth"] = POINT_DEPTH_MM / (unit * unit)
     grips = np.array([wheel.grips for wheel in wheels])
     for number, term in enumerate(on_wheels, len(on_body)):
         row["pattern"][number, : len(wheels)] = grips * pattern_weights(term.pattern, wheels)

@@ -86,6 +86,7 @@ def model_type(slots: int) -> np.dtype[np.void]:
             ("point_x", float, MOST_TERMS),
             ("point_y", float, MOST_TERMS),
             ("falloff", float, MOST_TERMS),
+            ("point_depth", float),  # of these points below the plane of the robot's centre
             ("pattern", float, (MOST_TERMS, slots)),
         ],
         align=True,

@@ -33,6 +33,8 @@ from simulator.dynamics.terms import (
 )
 
 USUAL_DISTANCE_MM = math.sqrt(8.0)  # of the paper's wheels from their middle, root mean square
+# Depth below the robot of a point that attracts it. It is a property of the point, not of the robot, whatever its size.
+POINT_DEPTH_MM = 2.0
 # Dimensions of the bases, as powers of length and of time; bases that are not listed are dimensionless.
 DIMENSIONS = {
     U: (1, -1),

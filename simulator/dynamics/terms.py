@@ -16,7 +16,8 @@ UN_PER_MN = 1000.0  # files say mN, terms µN = g·mm/s²
 # Channels. Body: force in the body frame, moment, force in the plate frame (µN, µN·mm). Wheel: relative change of
 # surface speed, load, stiffness, friction coefficient, and of the latter across the wheel alone; toe angle (rad); force
 # along the wheel (µN). Camera: error of the measured position of a mark, mm. Drive: rotational frequency added to the
-# commands of the left and the right driving wheels, rpm.
+# commands of the left and the right driving wheels, rpm. Changes of a channel add up, except that friction by the
+# direction of sliding is a factor of its own.
 FORCE_FORWARD, FORCE_LEFT, MOMENT, FORCE_PLATE_X, FORCE_PLATE_Y = range(5)
 SPEED, STEER, LOAD, STIFFNESS, DRAG, FRICTION, FRICTION_ACROSS = range(5, 12)
 CAMERA_X, CAMERA_Y = 12, 13

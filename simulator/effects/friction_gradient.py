@@ -40,8 +40,8 @@ EFFECT = Effect(
     law="μ(x, y) = μ_nominal · (1 + per_mm_x·x + per_mm_y·y)",
     source="Taylor series of a coefficient that varies with place, cut after its linear term",
     limits="Only changes over the whole plate; the effect does not describe a stain or a scratch. Friction never falls "
-    "below 2 % of the nominal one. Its change and that by a grain (friction-grain) add up. The stiffness for small "
-    "slip does not change.",
+    "below 2 % of the nominal one. The stiffness for small slip does not change. Of two changes of friction by "
+    "different effects, such as this one and friction-grain, the factors are multiplied.",
     kind="dynamics",
     of_plate=True,
     parameters=PER_MM,

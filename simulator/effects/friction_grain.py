@@ -30,9 +30,9 @@ EFFECT = Effect(
     law="μ = μ_nominal · (1 + amplitude · cos 2(slide − direction_deg)), slide: direction in which the contact slides",
     source="orthotropic friction of a surface with grinding marks, first harmonic (Zmitrowicz 1981, Wear 73, 9)",
     limits="Friction still opposes the sliding velocity; on a real grain it turns a little toward the direction of "
-    "low friction. A driven wheel rolls freely and slides along its axle only. Its change of the friction and that of "
-    "a gradient (friction-gradient) add up. The stiffness for small slip does not change. The angle by which a "
-    "compliant axle turns does not count in the direction of sliding.",
+    "low friction. A driven wheel rolls freely and slides along its axle only. The stiffness for small slip does not "
+    "change. The angle by which a compliant axle turns does not count in the direction of sliding. Of two changes of "
+    "friction by different effects, such as this one and friction-gradient, the factors are multiplied.",
     kind="dynamics",
     of_plate=True,
     parameters=(AMPLITUDE, DIRECTION),

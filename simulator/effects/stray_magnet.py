@@ -72,15 +72,14 @@ EFFECT = Effect(
     name="something attracts the robot toward a point of the plate",
     sentence="The robot's centre is attracted toward the point (x_mm, y_mm) of the plate, with force_mN at a distance "
     "of 10 mm, and falling off with distance by the exponent (2 where it is not given).",
-    law="F = force_mN · (10 mm/d)^exponent · e/d, e: from the robot's centre to the point, d = √(|e|² + s²); "
-    "s = 2 mm for robots of the paper's size, 2 mm · 4^k for those nearest to 4^k times as large",
+    law="F = force_mN · (10 mm/d)^exponent · e/d, e: from the robot's centre to the point, d = √(|e|² + (2 mm)²)",
     source="field of a magnet that is small beside its distance (Jackson, Classical Electrodynamics): the force "
     "between two poles goes with 1/d², between a pole and a dipole with 1/d³, between two dipoles with 1/d⁴",
     limits="One force at the centre. Its gradient over the robot, and so its moment, is left out, and also its share "
-    "in the loads of the wheels. Nearer than about s, half the wheelbase, it decreases smoothly to 0 at the point "
-    "itself; s is a length of the kernels, whose units are powers of four. Force and exponent are hard to distinguish "
-    "if all runs keep one distance from the point, and the effect is hard to distinguish from plate-tilt if the point "
-    "is farther away than the robot moves.",
+    "in the loads of the wheels. The point lies 2 mm below the robot, whatever the robot's size, so that nearer than "
+    "about 2 mm the force decreases smoothly to 0. Force and exponent are hard to distinguish if all runs keep one "
+    "distance from the point, and the effect is hard to distinguish from plate-tilt if the point is farther away than "
+    "the robot moves.",
     kind="dynamics",
     of_plate=True,
     parameters=(FORCE, *PLACE, EXPONENT),

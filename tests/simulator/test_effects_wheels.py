@@ -254,6 +254,14 @@ def test_friction_grain_lies_in_the_plate_and_turns_under_the_robot(barrel: Robo
         assert found[GRIP_X, :2] == pytest.approx([factor, factor])
 
 
+def test_friction_by_place_and_by_direction_multiply(barrel: Robot) -> None:
+    """At (10, 0) friction is 1.5 times as large, and along the grain 1.2 times."""
+    graded = affected(barrel, "friction-gradient", per_mm_x=0.05, per_mm_y=0.0)
+    robot = affected(graded, "friction-grain", amplitude=0.2, direction_deg=0.0)
+    found = contacts(robot, (8.0, 0.0, 0.0), rpm=(60.0, 60.0))  # front wheels 2 mm ahead, spinning on the spot
+    assert found[GRIP_X, :2] == pytest.approx([1.5 * 1.2] * 2)
+
+
 @pytest.mark.parametrize(("direction_deg", "factor"), [(90.0, 1.2), (0.0, 0.8)])
 def test_grain_acts_on_driven_wheels_along_their_axle_the_only_way_in_which_they_slide(
     barrel: Robot, direction_deg: float, factor: float

@@ -16,7 +16,7 @@ from simulator.robot import Robot, load_robot, shipped_robot_text, shipped_robot
 from simulator.run import Run
 from simulator.simulation import simulate, simulate_batch
 from simulator.steady import steady_turn, steady_turns
-from tests.simulator.effect_probe import affected
+from tests.simulator.effect_probe import affected, body_force
 from tests.simulator.layouts import ball, listed, pair, robot_with
 from tests.simulator.reference import integrated, plain_rates
 
@@ -144,15 +144,14 @@ def test_effects_act_alike_on_a_robot_of_another_size() -> None:
     assert np.allclose(like, runs[0], rtol=0, atol=1e-9)
 
 
-def test_a_stray_magnet_acts_alike_on_a_robot_of_another_size() -> None:
-    robot, length, time = load_robot("barrel"), 16.0, 4.0
-    near = affected(robot, "stray-magnet", force_mN=0.5, x_mm=8.0, y_mm=3.0, exponent=3.0)
-    far = affected(
-        _grown(robot, length, 1.0), "stray-magnet", force_mN=0.5 * length**3, x_mm=128.0, y_mm=48.0, exponent=3.0
-    )
-    small = states(simulate(near, Command.constant(33.3, 14.4), TIMES_S))
-    large = states(simulate(far, Command.constant(33.3 / time, 14.4 / time), TIMES_S * time))
-    assert np.allclose(large[:, :2] / length, small[:, :2], rtol=0, atol=1e-9)
+@pytest.mark.parametrize("length", [1 / 16.0, 1.9, 2.1, 16.0])  # the units of the kernels change at 2
+def test_a_stray_magnet_pulls_a_robot_of_any_size_by_the_same_law(length: float) -> None:
+    """The point is (3, 4) mm away and 2 mm deep: at √29 mm, 10 mm/√29 counts to the third power."""
+    magnet = {"force_mN": 0.5, "x_mm": 8.0, "y_mm": 3.0, "exponent": 3.0}
+    robot = affected(_grown(load_robot("barrel"), length, 1.0), "stray-magnet", **magnet)
+    unit_mm = compile_robot(robot)[0]["time_unit"] ** 2
+    pull = 500.0 * (10.0 / 29**0.5) ** 3 / 29**0.5
+    assert body_force(robot, (5.0 / unit_mm, -1.0 / unit_mm, 0.0)) == pytest.approx([3 * pull, 4 * pull, 0.0])
 
 
 def test_steady_turns_are_those_that_runs_end_on() -> None:

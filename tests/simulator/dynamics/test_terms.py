@@ -10,7 +10,14 @@ import pytest
 
 from simulator.dynamics import terms
 from simulator.dynamics.model import compile_robot
-from simulator.dynamics.scale import DIMENSIONS, scaled_coefficient, scaled_knots, scaled_states, time_unit_s
+from simulator.dynamics.scale import (
+    DIMENSIONS,
+    POINT_DEPTH_MM,
+    scaled_coefficient,
+    scaled_knots,
+    scaled_states,
+    time_unit_s,
+)
 from simulator.dynamics.terms import BASES, CHANNELS, Term, pattern_weights
 from simulator.errors import SimulationError
 from simulator.nominal_robot import four_wheels
@@ -18,7 +25,7 @@ from simulator.robot import Robot, load_robot
 from tests.simulator.layouts import ball, pair, robot_with
 from tests.simulator.plain import plain
 
-FAR = (0.0, 0.0, 0.0)  # a point, of no matter
+FAR = (0.0, 0.0, 0.0, 2.0)  # a point, of no matter
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +33,7 @@ def barrel() -> Robot:
     return load_robot("barrel")
 
 
-def place_basis(basis: int, x: float = 0.0, y: float = 0.0, *, point: tuple[float, float, float] = FAR) -> float:
+def place_basis(basis: int, x: float = 0.0, y: float = 0.0, *, point: tuple[float, float, float, float] = FAR) -> float:
     """At a heading of 30 degrees, after 7 s, with the wheel turned by 120 degrees."""
     angle = math.radians(30.0)
     value: float = plain("bases").place_basis(
@@ -83,10 +90,10 @@ def test_bases_of_heading_place_time_and_wheel_angle() -> None:
 
 @pytest.mark.parametrize("falloff", [0.0, 1.0, 3.0])
 def test_pull_toward_a_point_has_its_size_10_mm_away_and_falls_with_the_power(falloff: float) -> None:
-    """Rounded by 2 mm: √96 mm away counts as 10 mm, and √396 mm as 20 mm."""
+    """2 mm deep: √96 mm away counts as 10 mm, and √396 mm as 20 mm."""
     for counted in (10.0, 20.0):
         away = math.sqrt(counted**2 - 4)
-        point = (5.0 + 0.6 * away, 1.0 - 0.8 * away, falloff)
+        point = (5.0 + 0.6 * away, 1.0 - 0.8 * away, falloff, 2.0)
         toward = [place_basis(basis, 5.0, 1.0, point=point) for basis in (terms.TOWARD_X, terms.TOWARD_Y)]
         size = (10 / counted) ** falloff * away / counted
         assert toward == pytest.approx([0.6 * size, -0.8 * size])
@@ -244,14 +251,13 @@ def test_a_term_is_the_same_force_in_the_units_of_a_robot_of_any_size(name: str,
         if basis < terms.COS:
             u, v, r = velocity[0] * time / length, velocity[1] * time / length, velocity[2] * time
             return coefficient * float(bases.velocity_basis(basis, u, v, r, 1e-9))
-        point = (term.point_mm[0] / length, term.point_mm[1] / length, term.falloff)
+        point = (term.point_mm[0] / length, term.point_mm[1] / length, term.falloff, POINT_DEPTH_MM / length)
         at = place[0] / length, place[1] / length
         return coefficient * float(bases.place_basis(basis, *at, 0.8, 0.6, 7.0 / time, 1.0, point))
 
     force = value(1.0, term.coefficient)
     scaled = value(unit, scaled_coefficient(term, unit)) * (unit * unit if channel == terms.MOMENT else 1.0)
-    # Within 2 mm of a point pulls are rounded off, in the units of the robot: 2/500 and 8/500 squared.
-    assert scaled == pytest.approx(force, rel=1e-3 if name.startswith("toward") else 1e-6)
+    assert scaled == pytest.approx(force, rel=1e-6)
     assert set(DIMENSIONS) <= set(BASES.values())
 
 
