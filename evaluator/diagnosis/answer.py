@@ -80,8 +80,9 @@ def answer(search: Search, session: Session, free: Mapping[str, Candidate]) -> A
         verdict, reason, chosen = "insufficient", few, frozenset()
         left = adequacy(search.null, session.data, relevant_gain)
     fit = search.fits[chosen]
-    known = knowledge(session.known, fit, covariance_of(fit, search.problem, search.tolerance))
-    at_once = together(fit, search.tolerance)
+    covariance = covariance_of(fit, search.problem, search.tolerance)
+    known = knowledge(session.known, fit, covariance)
+    at_once = together(fit, search.tolerance, covariance)
     if verdict == "none" and not chosen and (at_once.is_finding or any(item.is_finding for item in known)):
         reason = "with the values that contradict their tolerance corrected, the model explains the data within noise"
     return Answer(verdict, reason, chosen, named, table, left, tuple(constant), done, negligible, known, at_once)

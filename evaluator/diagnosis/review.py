@@ -117,6 +117,7 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
     """The diagnosis without its effects, which are no finding for this reason, and with what the null leaves."""
     assert found.search is not None
     fit, session = found.search.null, found.session
+    covariance = covariance_of(fit, found.search.problem, found.search.tolerance)
     return reviewed(
         replace(
             found,
@@ -124,8 +125,8 @@ def withdrawn(found: Diagnosis, reason: str) -> Diagnosis:
             reason=reason,
             chosen=frozenset(),
             profiles={},
-            known=knowledge(session.known, fit, covariance_of(fit, found.search.problem, found.search.tolerance)),
-            known_together=together(fit, found.search.tolerance),
+            known=knowledge(session.known, fit, covariance),
+            known_together=together(fit, found.search.tolerance, covariance),
             leftover=adequacy(fit, session.data, session.relevant.speed_percent / 100),
         )
     )

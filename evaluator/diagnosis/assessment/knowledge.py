@@ -42,6 +42,7 @@ ALIKE = {
 ALSO_ALIKE = {CLOCK: ("drive-speed-scale",), **dict.fromkeys(("wheels.radius_mm", "wheel.radius_mm"), ("time-base",))}
 OF_A_MARK = ("_x_mm", "_y_mm")  # suffixes of the keys of positions of marks and of the centre of gravity
 DETERMINED = 0.5  # share by which the runs reduce the prior variance of a combination that they determine
+ROUNDING = 1e-6  # of a variance, in those of the prior
 MOST_NAMED = 4  # values in a sentence; all are in diagnosis.json
 AT_END = 1e-3  # of the range of a value: distance from its bound below which a fit is at the bound
 FINDING_SIGMAS = 3.0  # deviation in tolerances from which a value is reported: once in 370 by chance
@@ -58,8 +59,13 @@ class Knowledge:
 
     @property
     def is_finding(self) -> bool:
-        """Whether the fitted deviation contradicts the tolerance; not of a change, which is told as that."""
-        return not self.quantity.since and abs(self.found) > FINDING_SIGMAS * self.quantity.sigma
+        """Whether the fitted deviation contradicts the tolerance; not of a change, which is told as that.
+
+        On open ground the interval includes the scatter between commands and may be wider than the tolerance: a clock
+        that was right was told as 4.1 tolerances off, which were 2.2 of its own standard errors.
+        """
+        least = FINDING_SIGMAS * max(self.quantity.sigma, (self.high - self.low) / (2 * Z_975))
+        return not self.quantity.since and abs(self.found) > least
 
     @property
     def alike(self) -> str | None:
@@ -144,11 +150,12 @@ class Together:
         )
 
 
-def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
+def together(fit: Fit, tolerance: Mapping[str, float], covariance: Floats | None = None) -> Together:
     """Joint test of the values of a fit, except for the start of motion, because cameras are started by hand.
 
     With prior covariance 1 (in tolerances) and posterior covariance S, deviations have the covariance 1 - S if the
-    model is complete. Of its eigenvectors, those count that the runs determine.
+    model is complete. Of its eigenvectors, those count that the runs determine. Of the values, those are told that the
+    runs do not determine worse than their tolerance, as they may on open ground. covariance: see knowledge.
     Source: Box (1980), J. R. Stat. Soc. A 143, 383 (prior predictive check).
     """
     at = [
@@ -160,12 +167,13 @@ def together(fit: Fit, tolerance: Mapping[str, float]) -> Together:
         return Together(0.0, 0, ())
     sigma = np.array([tolerance[fit.columns[i].key] for i in at])
     found = np.array([fit.point.value(fit.columns[i]) for i in at]) / sigma
-    left = fit.posterior.covariance[np.ix_(at, at)] / np.outer(sigma, sigma)
+    left = (fit.posterior.covariance if covariance is None else covariance)[np.ix_(at, at)] / np.outer(sigma, sigma)
     determined, combinations = np.linalg.eigh(np.eye(len(at)) - left)
     counts = determined > DETERMINED
     preferred = (combinations.T @ found)[counts]
     order = np.argsort(-np.abs(found))
-    furthest = tuple((fit.columns[at[k]].key, float(found[k])) for k in order)
+    told = np.diag(left) < 1.0 + ROUNDING
+    furthest = tuple((fit.columns[at[k]].key, float(found[k])) for k in order if told[k])
     return Together(float(np.sum(preferred**2 / determined[counts])), int(counts.sum()), furthest)
 
 

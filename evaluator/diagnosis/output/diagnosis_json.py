@@ -289,8 +289,9 @@ def _far_nominal(diagnosis: Diagnosis) -> list[str]:
     told = {item.quantity.key for item in diagnosis.known}
     found = []
     for key, item in (_nominal(diagnosis) if diagnosis.follows else {}).items():
-        change, tolerance, half = item["relative_change"] or 0.0, item["tolerance"], Z_975 * (item["sigma"] or 0.0)
-        if key not in told and abs(change) > FINDING_SIGMAS * tolerance:
+        change, tolerance, sigma = item["relative_change"] or 0.0, item["tolerance"], item["sigma"] or 0.0
+        if key not in told and abs(change) > FINDING_SIGMAS * max(tolerance, sigma):
+            half = Z_975 * sigma
             interval = f"[95 %: {100 * (change - half):.2g} to {100 * (change + half):.2g}]"
             found.append(
                 f"{name_of_value(key)}: off by {100 * change:+.2g} % {interval}, tolerance {100 * tolerance:.2g} %"

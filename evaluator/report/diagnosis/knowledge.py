@@ -66,7 +66,7 @@ def preferred_sentence(content: Json) -> str:
         nominal = [_in_percent(key, item) for key, item in (content.get("nominal") or {}).items() if key not in told]
         known = [*known, *nominal]
     parts = []
-    for item in sorted(known, key=_tolerances, reverse=True):
+    for item in sorted(known, key=_certainty, reverse=True):
         if _is_off(item):
             alike = "".join(f", or {effect}" for effect in item.get("equivalent") or [])
             far = f" ({_tolerances(item):.1f} tolerances{alike})" if _tolerances(item) > FAR else ""
@@ -144,6 +144,14 @@ def _tolerances(item: Json) -> float:
     """Deviation of a value in tolerances; 0 if it is unknown."""
     taken, value = item.get("taken"), item.get("found")
     return abs(value) / taken if taken and value is not None else 0.0
+
+
+def _certainty(item: Json) -> float:
+    """Deviation of a value in tolerances, or in its own standard errors where these are larger, as on open ground."""
+    low, high, value = item.get("low"), item.get("high"), item.get("found")
+    if low is None or high is None or value is None or high <= low:
+        return _tolerances(item)
+    return float(min(_tolerances(item), 2 * Z_975 * abs(value) / (high - low)))
 
 
 def _is_off(item: Json) -> bool:

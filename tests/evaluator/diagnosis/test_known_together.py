@@ -60,6 +60,21 @@ def test_a_value_of_which_the_runs_tell_a_part_scatters_by_the_root_of_that_part
     assert found.square == pytest.approx(1.44 / (1 - left) if counts else 0.0)
 
 
+def test_a_value_that_scatters_between_commands_by_more_than_its_tolerance_is_neither_counted_nor_told() -> None:
+    """A clock 4.1 tolerances off, by 2.2 of its standard errors, beside a radius 3.8 tolerances off, by 20."""
+    narrow, scatter = 1e-2 * np.diag(SIGMAS**2), np.array([4.1 / 2.2, 0.05, 0.1, 0.1, 0.1])
+    column = np.diag(np.insert((scatter * SIGMAS) ** 2, 2, 1.0))
+    values = SIGMAS * [4.1, -3.8, 0.0, 0.0, 0.0]
+    found = together(fit(values, narrow), TOLERANCE, column)
+    assert found.furthest[0] == ("wheels.track_mm", pytest.approx(-3.8))
+    assert KEYS[0] not in dict(found.furthest)
+    assert found.square == pytest.approx(3.8**2, rel=1e-2)
+    assert together(fit(values, narrow), TOLERANCE).furthest[0][0] == KEYS[0]
+    for value, error, finding in ((4.1, 4.1 / 2.2, False), (-3.8, 0.19, True), (-2.9, 0.19, False)):
+        half = 1.96 * error
+        assert Knowledge(Quantity("", "", "", 1.0, 1.0), value, value - half, value + half).is_finding == finding
+
+
 def test_several_values_two_tolerances_off_are_a_finding_and_one_is_not() -> None:
     covariance = 1e-3 * np.diag(SIGMAS**2)
     off = together(fit(2.1 * SIGMAS * [1, -1, 1, 1, 0], covariance), TOLERANCE)

@@ -311,6 +311,9 @@ def test_values_that_the_data_prefer_are_told_the_farthest_first() -> None:
     assert preferred_sentence({"known_to": [{**item, **alike} for item in items[:2]]}).endswith(
         "far −2.50 mm [−2.60, −2.40] (2.5 tolerances, or drive-speed-scale, or time-base); near 1.00 mm [0.90, 1.10]."
     )
+    unsure = {**value("clock", 4.1, 1.0), "low": 0.4, "high": 7.8}  # on open ground: 2.2 standard errors
+    told = preferred_sentence({"known_to": [unsure, *items]})
+    assert told.index("far") < told.index("clock") < told.index("near")
 
 
 def test_nominal_values_with_a_relative_tolerance_are_told_in_percent() -> None:
