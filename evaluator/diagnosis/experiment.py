@@ -283,7 +283,7 @@ def _read_run(run: Run, order: int, values: Floats, line_rad: float) -> tuple[Ru
         raise InputError(f"{both.sum()} {seen}; at least {fewest} are needed")
     first, last = (int(np.flatnonzero(both)[end]) for end in (0, -1))
     values = values[first : last + 1]
-    values[:, 1:] = without_outliers(without_wrong_pairs(values[:, 1:]), turns=run.poses is not None)
+    values[:, 1:] = without_outliers(without_wrong_pairs(values[:, 1:]), corners=run.poses is not None)
     shown = _run_data(run, order, values[:, 0], values[:, 1:])
     own = _own_frames(shown, fewest)
     shown = replace(shown, time_s=shown.time_s[own], marks_mm=shown.marks_mm[own], line_rad=line_rad)

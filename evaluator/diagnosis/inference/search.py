@@ -27,7 +27,7 @@ FAR_BEYOND = 3.0  # tolerances from which a value is a finding (assessment.knowl
 FIRM = 0.1  # share of its tolerance to which a value far beyond it is led back
 # Mean square of the residuals of a fit over the least of all sets, from which other starting values have not helped: of
 # a dozen sets of a session with limited wheels, they reduced it from there by a third at most.
-HOPELESS = 10.0
+MISSES_FAR = 10.0
 WIDER = (2.0, 4.0)  # times the usual scatter, by which a fit is continued that ends worse with any at once
 LARGEST_SET = 3
 # On open ground. Encoders show that the drives of a Husky and a Warthog lag, limit speed and limit acceleration; the
@@ -87,10 +87,10 @@ class Search:
         """The recalibrated model without effects."""
         return self.fits[frozenset()]
 
-    def is_hopeless(self, fit: Fit) -> bool:
+    def misses_far(self, fit: Fit) -> bool:
         """Whether a fit on open ground leaves so much more than another one that it is not tried from elsewhere."""
         least = min((other.excess for other in self.fits.values()), default=np.inf)
-        return self.problem.open_ground and fit.converged and fit.excess > HOPELESS * least
+        return self.problem.open_ground and fit.converged and fit.excess > MISSES_FAR * least
 
     def evidence(self, ids: frozenset[str]) -> float:
         """Log evidence of a set, a lower bound if its fit has not converged; minus infinity if there is none."""
@@ -145,7 +145,7 @@ def fit_set(search: Search, ids: frozenset[str], starts: Values, origin: Fit, ri
     fixed = {effect: values[effect] for effect in ids if search.terms[effect].stepwise}
     values = {effect: values.get(effect, search.terms[effect].absent) for effect in ids}
     fit = _fit_from(search, Point(origin.point.per_run, origin.point.nominal, values), smooth, fixed, rival=rival)
-    lags = fit is not None and (fit.posterior.log_evidence < rival - LAGGING or search.is_hopeless(fit))
+    lags = fit is not None and (fit.posterior.log_evidence < rival - LAGGING or search.misses_far(fit))
     material = LAGGING if search.problem.open_ground else MATERIAL
     if fit is None or not ((fit.converged and fit.shortfall < material) or lags):
         # from implausible friction and gains, which conceal a misfit, no step may improve

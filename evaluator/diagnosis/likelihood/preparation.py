@@ -136,7 +136,7 @@ def with_noise_of(problem: Problem, point: Point) -> Problem:
     failed = [run.id for run, item in zip(problem.data, residuals, strict=True) if not np.isfinite(item).any()]
     if failed:
         raise NotSimulatedError(failed)
-    cleaned = [without_outliers(item, CHANNELS, turns=problem.open_ground) for item in residuals]
+    cleaned = [without_outliers(item, CHANNELS, corners=problem.open_ground) for item in residuals]
     jumps = [np.isnan(new) & np.isfinite(old) for new, old in zip(cleaned, residuals, strict=True)]
     seen = (
         np.where(np.any(jump, axis=1, keepdims=True), np.nan, item)

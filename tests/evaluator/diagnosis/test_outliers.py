@@ -123,5 +123,5 @@ def test_residuals_that_move_during_a_short_ramp_are_kept(frames: int) -> None:
     values[[30, 60 + frames // 2, 150], 0] += 3.0
     seen = np.isfinite(without_outliers(values, CHANNELS)[:, 0])
     assert np.flatnonzero(~seen).tolist() == [30, 60 + frames // 2, 150]
-    cleaned = without_outliers(np.column_stack([way, 0.2 * way, *np.zeros((2, 240))]), CHANNELS, turns=True)
+    cleaned = without_outliers(np.column_stack([way, 0.2 * way, *np.zeros((2, 240))]), CHANNELS, corners=True)
     assert 55 <= np.flatnonzero(np.isnan(cleaned[:, 0]))[0] <= 60  # on open ground a path that turns at once is

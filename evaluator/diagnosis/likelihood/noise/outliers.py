@@ -22,7 +22,7 @@ DISTANCE_AROUND, APART_SHARE = 61, 0.01
 MARKS, CHANNELS = (slice(0, 2), slice(2, 4)), (slice(0, 2), slice(2, 3), slice(3, 4))  # columns with common outliers
 
 
-def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS, *, turns: bool = False) -> Floats:
+def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS, *, corners: bool = False) -> Floats:
     """Coordinates (n, 4), mm, with tracking errors, which jump away from their neighbours and back, set to NaN.
 
     parts: columns that are tested together: marks, or channels of residuals. Residuals of a good model vary slowly, so
@@ -31,9 +31,9 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS, *, turns:
     OUTLIER_SIGMAS robust standard deviations of the first one and OUTLIER_STEPS times the motion between frames: no
     robot leaves its path for one or two frames.
 
-    turns: also what the frames before or those after say alone is an outlier where all around say otherwise, which a
-    path that turns within few frames is. So residuals on open ground are cleaned, where poses of 10 Hz are seldom and a
-    model without the lag of a drive is off in each: with them, four of 24 steps of a Husky count as other motions.
+    corners: a frame at which the path turns within few frames, off those around it alone, is an outlier as well. So are
+    residuals on open ground, whose poses of 10 Hz are few and whose model without the lag of its drive is off after
+    every change: with these frames, four of 24 steps of a Husky counted as other motions.
     """
     cleaned = values.copy()
     for part in parts:
@@ -50,11 +50,12 @@ def without_outliers(values: Floats, parts: tuple[slice, ...] = MARKS, *, turns:
         sigma = PER_MEDIAN * median_of_rows(np.abs(off - median_of_rows(off))) + LEAST_SIGMA_MM
         # of the path as the neighbours say it: one jump is two of the steps, more than 5 % of a run of 30 frames
         steps = np.abs(np.diff(said, axis=0))
-        step = quantile_of_rows(steps, 0.95)
-        step = step if turns else np.maximum(step, _usual_about(steps))
+        step, least = quantile_of_rows(steps, 0.95), np.abs(off)
+        if not corners:
+            step = np.maximum(step, _usual_about(steps))
+            for side in (_before(longer), _before(longer[::-1])[::-1]):
+                least = np.minimum(least, np.abs(side[half : half + count] - points))
         limit = np.maximum(OUTLIER_SIGMAS * sigma, OUTLIER_STEPS * step)
-        before, after = (side[half : half + count] - points for side in (_before(longer), _before(longer[::-1])[::-1]))
-        least = np.abs(off) if turns else np.minimum(np.abs(off), np.minimum(np.abs(before), np.abs(after)))
         cleaned[seen[(least > limit).any(axis=1)], part] = np.nan
     return cleaned
 
