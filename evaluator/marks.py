@@ -57,7 +57,7 @@ def read_marks(
 
     names: required marks, in mm; of three or more, two of them suffice. Without names, only time_s is required. called:
     names that marks have in the file, by mark; one that is not there is of another file. Rows with the time and the
-    numbers of the one before are left out; attrs["repeated"] of the table counts them.
+    numbers of the one before are left out; attrs["repeated"] of the table counts them. Infinite places are missing.
     """
     path = Path(path)
     try:
@@ -81,6 +81,9 @@ def read_marks(
             cell = quoted(table[name].iloc[row])
             raise InputError(f"{path}: line {line_of(table, row)}, {name} = {cell} is not a number")
         table[name] = values.astype(float)
+    for name in columns_of(mark_names(table)) + columns_of(mark_names(table, "px"), "px"):
+        if np.isinf(places := table[name].to_numpy()).any():  # nowhere: what a program writes that divided by zero
+            table[name] = np.where(np.isinf(places), np.nan, places)
     if (table["time_s"].diff() == 0).any():  # seldom, and the numbers of hours of frames are many
         twice = repeats(table[["time_s", *(name for name in table if str(name).endswith(NUMBERS))]].to_numpy(float))
         table = table[~twice]

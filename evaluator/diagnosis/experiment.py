@@ -22,8 +22,9 @@ from evaluator.diagnosis.likelihood.shared_errors import Sighting, plane_errors,
 from evaluator.diagnosis.long_sessions import LONGEST_S, NOT_NEEDED, PIECE_S, needed_runs, pieces_of
 from evaluator.diagnosis.mistakes.frame_times import wrong_seconds
 from evaluator.diagnosis.mistakes.misread.other_log import misassigned
+from evaluator.diagnosis.mistakes.misread.pose_headings import in_another_convention
 from evaluator.diagnosis.mistakes.recognise import recognise
-from evaluator.diagnosis.mistakes.recognised import Mistake, mistakes_of
+from evaluator.diagnosis.mistakes.recognised import Mistake, mistakes_of, recording_of
 from evaluator.diagnosis.mistakes.start.handling import between_hands
 from evaluator.diagnosis.mistakes.start.log_clock import clocks_off
 from evaluator.errors import InputError
@@ -188,23 +189,21 @@ def _in_pieces(session: Session) -> Session:
     A recording whose times are in another unit is kept whole: the search for mistakes names it.
     """
     runs = list(zip(session.data, session.robots, strict=True))
-    recorded = [run for run, robot in runs if run.from_poses and is_full_size(robot)]
+    posed = [(run, robot) for run, robot in runs if run.from_poses and is_full_size(robot)]
+    recorded = [run for run, _ in posed]
+    timed = {item.run for item in wrong_seconds(recorded, [robot for _, robot in posed])}
+    pieces: dict[str, tuple[RunData, ...]] = {run.id: (run,) for run in session.data}
+    pieces |= {run.id: pieces_of(run, FEWEST_POSES) for run in recorded if run.id not in timed}
     off = misassigned(recorded)
-    off += clocks_off([run for run in recorded if run.id not in {item.run for item in off}])
-    mistaken, left_out = {item.run for item in off}, dict[str, str]()
-    data: list[RunData] = []
-    robots: list[Robot] = []
-    for run, robot in runs:
-        if run.id in mistaken:
-            continue
-        parts: tuple[RunData, ...] = (run,)
-        if run.from_poses and is_full_size(robot) and not wrong_seconds([run], [robot]):
-            parts = pieces_of(run, FEWEST_POSES)
-        if not parts:
-            left_out[run.id] = f"no stretch of {PIECE_S:g} s of it has {FEWEST_POSES} poses; are its times in seconds?"
-        data += parts
-        robots += [robot] * len(parts)
-    kept = replace(session, data=tuple(data), robots=tuple(robots), left_out={**session.left_out, **left_out})
+    turned = in_another_convention([part for run in recorded for part in pieces[run.id]])
+    unread = {recording_of(item.run) for item in [*off, *turned]}  # of the latter any offset would be chance
+    off += clocks_off([run for run in recorded if run.id not in unread])
+    used = [(run, robot) for run, robot in runs if run.id not in {item.run for item in off}]
+    few = f"no stretch of {PIECE_S:g} s of it has {FEWEST_POSES} poses; are its times in seconds?"
+    left_out = {run.id: few for run, _ in used if not pieces[run.id]}
+    data = tuple(part for run, _ in used for part in pieces[run.id])
+    robots = tuple(robot for run, robot in used for _ in pieces[run.id])
+    kept = replace(session, data=data, robots=robots, left_out={**session.left_out, **left_out})
     return replace(kept, mistakes=tuple(mistakes_of(off, len(runs))))
 
 

@@ -91,6 +91,14 @@ def test_a_place_farther_than_a_thousand_kilometres_is_none_on_a_plate(tmp_path:
         read_marks(path)
 
 
+def test_an_infinite_place_is_a_missing_one(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("time_s,green_x_mm,green_y_mm,green_x_px,green_y_px\n0,inf,1,3,-inf\n1,1,1,3,3\n", "utf-8")
+    table = read_marks(path)
+    np.testing.assert_array_equal(table["green_x_mm"], [np.nan, 1])
+    np.testing.assert_array_equal(table["green_y_px"], [np.nan, 3])
+
+
 def test_a_file_may_be_named_by_its_text(tmp_path: Path) -> None:
     written, name = tmp_path / "marks.csv", str(tmp_path / "again.csv")
     written.write_text("\n".join([",".join(COLUMNS), *ROWS]) + "\n", encoding="utf-8")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from evaluator.diagnosis.experiment import Session, _in_pieces, without_mistakes
+from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes.recognised import Correction, recording_of
 from evaluator.diagnosis.mistakes.start import log_clock
 from evaluator.diagnosis.mistakes.start.log_clock import WIDEST_S, clocks_off
@@ -52,3 +54,17 @@ def test_it_is_a_mistake_that_check_tells_and_mends() -> None:
     assert mistake in without_mistakes(rest).mistakes  # beside what else is wrong with this robot
     assert (mistake.runs, mistake.kind, mistake.everywhere) == (("r2",), "late-start", False)
     assert mistake.corrections == {"r2": Correction(later_s=0.8)}
+
+
+def test_no_clock_is_read_from_headings_of_another_convention(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_clock, "log_offset", lambda *_: LogOffset(3.0, 2.99, 3.01))
+    runs = driven(0, 0.0), driven(1, 0.0)
+    robots = (load_robot("four_driven"),) * 2
+    assert {item.kind for item in _in_pieces(Session(runs, robots, {})).mistakes} == {"late-start"}
+    assert _in_pieces(Session(tuple(map(_as_a_compass, runs)), robots, {})).mistakes == ()
+
+
+def _as_a_compass(run: RunData) -> RunData:
+    """A run whose headings count clockwise from the y axis."""
+    middle, line = run.marks_mm[:, :2] / 2 + run.marks_mm[:, 2:] / 2, run.marks_mm[:, :2] / 2 - run.marks_mm[:, 2:] / 2
+    return replace(run, marks_mm=np.concatenate([middle - line[:, ::-1], middle + line[:, ::-1]], axis=1))

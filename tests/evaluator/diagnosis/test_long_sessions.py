@@ -12,6 +12,7 @@ from evaluator.diagnosis import experiment
 from evaluator.diagnosis.experiment import Session, _in_pieces, needed_of
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.long_sessions import LONGEST_S, apart, deciding_runs, needed_runs, pieces_of, searched_runs
+from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
@@ -98,7 +99,8 @@ def test_a_recording_in_milliseconds_is_kept_whole_for_the_search_for_mistakes_a
     rare = replace(driven((0.0,), 20.05), id="rare")
     rare.marks_mm[np.arange(len(rare.time_s)) % 12 > 0] = np.nan  # three poses in 3 s
     in_ms = replace(driven((0.0,), 20.05), id="ms")
-    monkeypatch.setattr(experiment, "wrong_seconds", lambda runs, _: [run for run in runs if run.id == "ms"])
+    told = Found("ms", "wrong-unit", "", "")
+    monkeypatch.setattr(experiment, "wrong_seconds", lambda *_: [told])
     usual = [replace(driven((0.0,), 20.05), id=f"r{k}", left_rpm=float(k)) for k in range(3)]
     session = _in_pieces(Session((in_ms, rare, *usual), (robot,) * 5, {}))
     assert session.left_out == {"rare": "no stretch of 3 s of it has 6 poses; are its times in seconds?"}

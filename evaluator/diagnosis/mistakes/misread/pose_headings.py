@@ -37,7 +37,7 @@ SIDEWAYS = "from another axis, 90 degrees off"
 REMEDY = "give headings from the x axis of the plate toward its y axis (90 degrees minus a compass bearing)"
 
 
-def in_another_convention(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Found]:
+def in_another_convention(data: Sequence[RunData], robots: Sequence[Robot] = ()) -> list[Found]:
     """Runs with poses whose headings contradict their direction of motion: all, or all parts of a recording."""
     del robots  # neither size nor wheels of a robot change the direction in which it moves
     runs = {run.id: run for run in data if run.from_poses}
