@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluator.diagnosis.assessment.model_comparison import is_free
 from evaluator.diagnosis.assessment.sufficiency import most_odd
 from evaluator.diagnosis.experiment import shortcomings
 from evaluator.diagnosis.inference.fit import EXPLAINED, way_of_the_others
@@ -106,7 +107,9 @@ def jumping_runs(search: Search) -> list[int]:
     """
     problem = search.problem
     found: set[int] = set()
-    for fit in search.initial(TRIED):
+    fits = search.initial(len(search.fits) + len(search.failed))
+    named = [fit for fit in fits[TRIED:] if not any(map(is_free, fit.terms))][:1]  # free-form terms bend with a turn
+    for fit in fits[:TRIED] + named:
         smooth = [search.terms[effect] for effect in sorted(fit.terms) if not search.terms[effect].stepwise]
         led = way_of_the_others(problem, fit, smooth, search.tolerance)
         if led is not None:

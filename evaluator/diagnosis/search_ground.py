@@ -135,6 +135,9 @@ def try_drives(search: Search, families: int, size: int) -> None:
     if best is not None:
         untried = [effect for effect in search.terms if effect not in best and best | {effect} not in search.fits]
         drives = [effect for effect in untried if acts_on_drive(effect) and not (best and is_free(effect))]
+        if not best:  # a lag of 0.3 s lost 61 by screening, and gained 945 by its fit
+            named = [effect for effect in drives if not is_free(effect)]
+            extend(search, best, named, len(named), regardless=True)
         extend(search, best, drives, len(drives))
 
 

@@ -123,18 +123,26 @@ def _from_the_nominal(search: Search, nominal: Point) -> None:
 
 
 def extend(
-    search: Search, ids: frozenset[str], among: Collection[str] | None = None, most: int = ADDITIONS_REFITTED
+    search: Search,
+    ids: frozenset[str],
+    among: Collection[str] | None = None,
+    most: int = ADDITIONS_REFITTED,
+    *,
+    regardless: bool = False,
 ) -> None:
-    """Screen additions to a fitted set, and fit at most `most` promising ones; among: candidates, by default all."""
+    """Screen additions to a fitted set, and fit at most `most` promising ones; among: candidates, by default all.
+
+    regardless: of what they promise.
+    """
     fit = search.reached(ids)
     assert fit is not None
     smooth = [effect for effect in sorted(ids) if not search.terms[effect].stepwise]
     others = [term for effect, term in search.terms.items() if effect not in ids and (among is None or effect in among)]
     view = screen(search, fit.point, smooth, others)
     ordered = _ordered(view, view.offers)
-    base = view.evidence()
+    least = -np.inf if regardless else view.evidence() + PROMISING
     unasked = [offer for offer in ordered if offer[0] not in search.asked]
-    worthwhile = [(offer,) for offer in unasked if view.evidence(offer) > base + PROMISING]
+    worthwhile = [(offer,) for offer in unasked if view.evidence(offer) > least]
     _fit_asked(search, view, ordered, fit)
     _refit(search, view, worthwhile, most, fit)
     if search.problem.horizon_s == np.inf and not search.problem.open_ground:

@@ -69,6 +69,7 @@ def search_of(slopes: list[float], bends: list[float], **changes: Any) -> Any:
     return SimpleNamespace(
         problem=problem,
         fits=fits,
+        failed={},
         ranked=lambda: [frozenset({"drift"})],
         initial=lambda most: [best, *changes.get("rivals", ())][:most],
         explained=changes.get("explained", -np.inf),
@@ -241,6 +242,24 @@ def test_a_run_that_keeps_a_fit_from_the_way_of_the_others_jumps_if_it_takes_ano
     """Wherever that is on the way; a run that bends evenly does not, nor one that does not obstruct the fit."""
     assert jumping(monkeypatch, [mass, np.nan, mass, mass, np.nan]) == [0]
     assert jumping(monkeypatch, [np.nan, mass, mass, mass, np.nan]) == [1]
+
+
+@pytest.mark.parametrize(("named", "found"), [("drift", [0]), ("free:drift.one", [])])
+def test_runs_jump_also_at_the_best_fit_of_named_effects_behind_free_form_terms(
+    named: str, found: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Free-form terms bend with a turn that the model does not take, and lead beside such a run."""
+    search = search_of([1.0] * 4, [0.0] * 4, open_ground=True)
+    (best,) = search.fits.values()
+    best.terms = frozenset({named})
+    forms = [SimpleNamespace(terms=frozenset({f"free:{number}.one"})) for number in range(3)]
+    search.initial = lambda most: [*forms, best][:most]
+    search.fits = dict.fromkeys(range(4))
+    search.terms, search.tolerance = dict.fromkeys([*(f"free:{k}.one" for k in range(3)), named], DRIFT), {}
+    led = lambda _, fit, *__: ((0,), best.point) if fit is best else None  # noqa: E731
+    monkeypatch.setattr(diverging_runs, "way_of_the_others", led)
+    monkeypatch.setattr(diverging_runs, "_jumps", lambda *_: True)
+    assert diverging_runs.jumping_runs(search) == found
 
 
 def test_no_run_jumps_by_less_than_it_tells_or_with_most_others_or_where_none_obstructs(

@@ -124,6 +124,10 @@ def test_what_the_user_asks_for_is_fitted_whatever_is_promised_of_it(
         search.fits[NOTHING] = fit_model(search.problem, nominal, [], search.tolerance)
         extend(search, NOTHING)
         assert set(search.fits) == {NOTHING, *({asked} if asked else ())}
+    search = empty.anew()
+    search.fits[NOTHING] = fit_model(search.problem, nominal, [], search.tolerance)
+    extend(search, NOTHING, {"mark-offset", "rolling-drag"}, 1, regardless=True)
+    assert len(search.fits) == 2
 
 
 def test_a_time_constant_of_milliseconds_is_seen_on_a_plate_where_a_later_start_explains_the_delay(
