@@ -49,9 +49,15 @@ def power_of_ten(exponent: float) -> str:
     return f"10{f'{exponent:.0f}'.translate(SUPERSCRIPTS)}"
 
 
+# Values of all wheels together; of a list of wheels the places count by their ratio.
+OF_WHEELS = {"radius_mm": "radius of the wheels", "x_mm": "wheelbase", "y_mm": "track"}
+
+
 def name_of_value(key: str) -> str:
     """The name of a value of robot.toml by its dotted key, without its unit: "lateral friction"."""
-    name = key.rpartition(".")[2]
+    table, _, name = key.rpartition(".")
+    if table in ("wheel", "wheels") and name in OF_WHEELS:
+        return OF_WHEELS[name]
     if key.startswith("magnetic_attraction."):
         return f"attraction of a {name.removesuffix('_mN').replace('_', ' ')}"
     return re.sub(r"_(mm|m|g|kg|mN|deg|g_mm2)$", "", name).replace("_", " ")

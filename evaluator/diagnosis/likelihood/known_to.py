@@ -21,6 +21,7 @@ from evaluator.diagnosis.candidates.coordinates import size_of
 from evaluator.diagnosis.likelihood.run_data import SHARED_UNIT, RunData, is_shared
 from evaluator.robot_geometry import reference_pair
 from evaluator.settings import KnownTo
+from evaluator.wording import name_of_value
 from simulator.robot import Robot
 
 Floats = NDArray[np.float64]
@@ -110,26 +111,26 @@ def quantities(known: KnownTo, robot: Robot, data: Sequence[RunData]) -> tuple[Q
         for key, side in zip(TURNS, ("left", "right"), strict=True)
     ]
     mass = robot.body.mass_g
-    lengths: list[tuple[str, str, float, float | None]]
-    lengths = [("body.mass_g", "mass", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
+    lengths: list[tuple[str, float, float | None]]
+    lengths = [("body.mass_g", mass, MASS_SHARE * mass if geometry.mass_g is None else geometry.mass_g)]
     wheelbase_mm, track_mm = (float(part) for part in np.ptp(robot.wheel_positions_mm(), axis=0))
     keys = ("wheels.radius_mm", "wheels.wheelbase_mm", "wheels.track_mm")
     if not robot.wheels:  # of a list the radii, or all x, or all y, in one ratio
         keys = ("wheel.radius_mm", "wheel.x_mm", "wheel.y_mm")
     lengths[:0] = [
-        (keys[0], "radius of the wheels", radius, radius_sigma),
-        (keys[1], "wheelbase", wheelbase_mm, geometry.wheelbase_mm),
-        (keys[2], "track", track_mm, geometry.track_mm),
+        (keys[0], radius, radius_sigma),
+        (keys[1], wheelbase_mm, geometry.wheelbase_mm),
+        (keys[2], track_mm, geometry.track_mm),
     ]
     attraction = robot.magnetic_attraction
     forces = (
-        ("magnetic_attraction.driving_wheel_mN", "attraction of a driving wheel", attraction.driving_wheel_mN),
-        ("magnetic_attraction.driven_wheel_mN", "attraction of a driven wheel", attraction.driven_wheel_mN),
+        ("magnetic_attraction.driving_wheel_mN", attraction.driving_wheel_mN),
+        ("magnetic_attraction.driven_wheel_mN", attraction.driven_wheel_mN),
     )
-    for key, name, value, sigma in (*lengths, *((k, n, v, ATTRACTION_SHARE * v) for k, n, v in forces)):
+    for key, value, sigma in (*lengths, *((key, value, ATTRACTION_SHARE * value) for key, value in forces)):
         stated = callipers if sigma is None else sigma
         if value and key not in robot.tolerance:
-            found.append(Quantity(key, name, key.rpartition("_")[2], stated, value))
+            found.append(Quantity(key, name_of_value(key), key.rpartition("_")[2], stated, value))
     return tuple(item for item in found if item.sigma > 0)
 
 

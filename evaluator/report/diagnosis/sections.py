@@ -47,6 +47,7 @@ from evaluator.report.figures.disagreement import disagreement_map, disagreement
 from evaluator.report.figures.gap import gap_before_after
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
+from evaluator.wording import name_of_value
 
 Json = dict[str, Any]
 
@@ -138,25 +139,33 @@ def _gap(content: Json) -> Section | None:
 
 
 def _rivals(content: Json) -> Section | None:
+    rivals = [rival for rival in content.get("rivals") or [] if isinstance(rival, dict) and "effects" in rival]
+    if not rivals:
+        return None
+    title, why = "Alternatives", "reason against it"
+    words = [(_names(rival["effects"]), in_words(str(rival.get("reason", "")))) for rival in rivals]
+    if any(rival.get("carries_over") is not None for rival in rivals):  # odds there are no evidence
+        caption = (
+            "The best other sets of effects. On open ground the noise is estimated from what the models leave of these "
+            "same runs, so that their odds decide nothing: an answer also predicts commands that its fit did not see."
+        )
+        return Section("diagnosis-rivals", title, tables=(Table(caption, ("effects", why), tuple(words), words=True),))
     rows = tuple(
         (
-            _names(rival["effects"]),
+            effects,
             percent_text(rival.get("probability")),
             number(-float(rival["log_odds"]), 1) if rival.get("log_odds") is not None else UNKNOWN,
-            in_words(str(rival.get("reason", ""))),
+            reason,
         )
-        for rival in content.get("rivals") or []
-        if isinstance(rival, dict) and "effects" in rival
+        for rival, (effects, reason) in zip(rivals, words, strict=True)
     )
-    if not rows:
-        return None
     caption = (
         "The best other sets of effects. Behind: natural logarithm of the odds against it, with priors; 3 is odds of "
         "20 to 1. An effect is named from odds of 3000 to 1 (8) on: a set that leads the answer by less, with a minus "
         "sign here, decides nothing."
     )
-    table = Table(caption, ("effects", "probability", "behind", "reason against it"), rows, words=True)
-    return Section("diagnosis-rivals", "Alternatives", tables=(table,))
+    table = Table(caption, ("effects", "probability", "behind", why), rows, words=True)
+    return Section("diagnosis-rivals", title, tables=(table,))
 
 
 def _small_print(content: Json) -> Section | None:
@@ -188,7 +197,12 @@ def _small_print(content: Json) -> Section | None:
     text.append(not_tried_sentence(content))
     text.append(exact_frictions_sentence(content))
     rows = tuple(
-        (key, signed_percent(item["relative_change"]), percent_text(item["sigma"]), percent_text(item["tolerance"]))
+        (
+            name_of_value(key),
+            signed_percent(item["relative_change"]),
+            percent_text(item["sigma"]),
+            percent_text(item["tolerance"]),
+        )
         for key, item in nominal.items()
     )
     caption = "Nominal values: every fit, with or without effects, adjusts them within the tolerances of robot.toml."

@@ -163,7 +163,7 @@ def test_the_report_shows_every_step_of_the_diagnosis(puzzle: Path) -> None:
     assert gap.figures[0].data["kept_aside"].sum() == 1
     assert {row[0] for row in gap.tables[0].rows} == set(found(puzzle)["constancy"])
     assert "nothing missing" in [row[0] for row in sections["diagnosis-rivals"].tables[0].rows]
-    assert sections["diagnosis-noise"].tables[0].rows[0][0] == "slip.lateral_friction"
+    assert sections["diagnosis-noise"].tables[0].rows[0][0] == "lateral friction"
     pieces = pd.read_csv(puzzle.parent / "out" / "disagreement.csv")
     assert pieces["after_across_mm_s"].std() < pieces["across_mm_s"].std()
 

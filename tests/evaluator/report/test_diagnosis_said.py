@@ -137,8 +137,12 @@ def test_alternatives_are_behind_by_their_odds_and_nominal_values_are_adjusted_i
     assert first[1:] == ("0.24 %", "6.0", "so")
     assert second == ("nothing missing", UNKNOWN, UNKNOWN, "")
     assert small.tables[0].rows == (
-        ("wheels.radius_mm", "−0.020 %", "0.10 %", "0.50 %"), ("mass", UNKNOWN, UNKNOWN, "2.0 %"),
+        ("radius of the wheels", "−0.020 %", "0.10 %", "0.50 %"), ("mass", UNKNOWN, UNKNOWN, "2.0 %"),
     )  # fmt: skip
+    ground = [{**rivals[0], "carries_over": False}, {"effects": [], "reason": "no", "carries_over": True}]
+    _, alternatives = diagnosis_sections(view({"verdict": "none", "rivals": ground}))
+    assert alternatives.tables[0].head == ("effects", "reason against it")  # odds decide nothing there
+    assert alternatives.tables[0].rows == ((first[0], "so"), ("nothing missing", "no"))
     assert diagnosis_sections(None) == ()
     assert [signed_percent(share) for share in (0.0123, None)] == ["+1.2 %", UNKNOWN]
     assert [percent_text(share) for share in (0.0, 1e-4, -0.01)] == ["< 0.01 %", "0.010 %", "−1.0 %"]

@@ -6,7 +6,7 @@ from evaluator.report.diagnosis.sections import _small_print
 from evaluator.report.diagnosis.values import percent_text
 from evaluator.report.numbers import number, significant
 from evaluator.report.pages.html import prose
-from evaluator.wording import power_of_ten, with_bounds
+from evaluator.wording import name_of_value, power_of_ten, with_bounds
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,17 @@ def test_prose_shows_code_as_code_and_markup_as_text_and_keeps_numbers_with_thei
     assert prose("(95 %: 3.1 to 3.2 mm; run 5 mmx, −5 / −33 rpm)") == (
         "(95\u00a0%: 3.1 to 3.2\u00a0mm; run 5 mmx, −5\u00a0/\u00a0−33\u00a0rpm)"
     )
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ("slip.lateral_friction", "lateral friction"),
+        ("wheels.track_mm", "track"),
+        ("wheel.x_mm", "wheelbase"),
+        ("wheel.radius_mm", "radius of the wheels"),
+        ("magnetic_attraction.driven_wheel_mN", "attraction of a driven wheel"),
+    ],
+)
+def test_values_of_a_robot_file_have_names(key: str, name: str) -> None:
+    assert name_of_value(key) == name
