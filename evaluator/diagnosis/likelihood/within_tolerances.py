@@ -26,6 +26,7 @@ Points = NDArray[np.complex128]
 MOST_SIGMAS = 2.0  # by which a value may deviate from the file
 FRICTION_SIGMA = 0.1  # of a run: dust and humidity change friction by some per cent
 ROUNDS, SHARES = 5, (1.0, 0.3, 0.1)  # of linearization, and of its steps: slipping is no linear function of the values
+SLOPE = 0.1  # sigmas of a value from which its slope is taken: a whole one may lead to the other turn
 RIDGE = 0.1  # see _step
 
 
@@ -51,14 +52,16 @@ def misfit_within_tolerances(run: RunData, robot: Robot) -> float:
     def misfit(marks: Floats) -> float:
         return rms_apart(measured, _line(marks)) if np.isfinite(marks).all() else np.inf
 
-    values = np.zeros(len(keys) + 1)
-    best = np.inf
+    # from the best of small steps of single values: one of them leads to each of two turns that a pivot may take
+    singles = [np.zeros(len(keys) + 1), *np.eye(len(keys) + 1), *-np.eye(len(keys) + 1)]
+    begun = [misfit(marks) for marks in forward.marks([task(way) for way in singles])]
+    values, best = singles[int(np.argmin(begun))], np.inf
     for _ in range(ROUNDS):
-        here, *beside = forward.marks([task(values + step) for step in (0 * values, *np.eye(len(values)))])
+        here, *beside = forward.marks([task(values + SLOPE * step) for step in (0 * values, *np.eye(len(values)))])
         best = misfit(here)
         if not np.isfinite(best):
             break
-        step = _step(values, measured, _line(here), [np.nan_to_num(_line(part - here)) for part in beside])
+        step = _step(values, measured, _line(here), [np.nan_to_num(_line(part - here) / SLOPE) for part in beside])
         tried = [values + share * step for share in SHARES]
         found = [misfit(marks) for marks in forward.marks([task(way) for way in tried])]
         if not min(found) < best:

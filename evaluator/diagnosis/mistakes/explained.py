@@ -1,8 +1,9 @@
-"""Runs that were taken for mistakes before an effect was known, and that move as their files say with that effect.
+"""Runs that were taken for mistakes before an effect was known, and that are none with that effect.
 
 Mistakes are recognised by a model without effects. A strong effect may move a run as another command would: a robot
-that turned on the spot was pulled by a spring onto the path of a wide turn. Such a run is no mistake; it is not fitted,
-but reported with this reason.
+that turned on the spot was pulled by a spring onto the path of a wide turn, and moves as its file says with the spring.
+Or it leads a run so near to a change from one turn to the other that no model tells which, and a mistake fits no better
+than the file any more. Such a run is no mistake; it is not fitted, but reported with this reason.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from evaluator.diagnosis.likelihood.linear.random_effects import place_runs
 from evaluator.diagnosis.likelihood.preparation import build_problem, with_noise_of
 from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.diagnosis.likelihood.simulation import Simulated
+from evaluator.diagnosis.mistakes.misread.hypotheses import misread_runs
+from evaluator.diagnosis.mistakes.misread.judgement import TURNING
 from evaluator.diagnosis.mistakes.recognised import Kind, Mistake
+from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
 
 # Mistakes that are recognised by what a model predicts; the others show in the marks or in the files.
@@ -31,6 +35,7 @@ BY_MODEL: tuple[Kind, ...] = (
     "sides-swapped",
     "wrong-command",
 )
+READ: tuple[Kind, ...] = ("wrong-rate", "marks-swapped", *TURNING, "wrong-command")  # from the shape of the path
 
 
 def without_explained_mistakes(found: Diagnosis) -> Diagnosis:
@@ -38,22 +43,33 @@ def without_explained_mistakes(found: Diagnosis) -> Diagnosis:
     if found.verdict != "effect" or not found.follows or found.search is None or found.search.problem.open_ground:
         return found
     session = found.session
-    explained = {
-        item.runs[0]: item
-        for item in session.mistakes
-        if item.kind in BY_MODEL and len(item.runs) == 1 and not item.everywhere and _is_explained(found, item.runs[0])
-    }
-    if not explained:
+    single = [item for item in session.mistakes if len(item.runs) == 1 and not item.everywhere]
+    reasons = {item.runs[0]: reason for item in single if (reason := _reason(item, found))}
+    if not reasons:
         return found
-    kept = tuple(item for item in session.mistakes if item not in explained.values())
-    reasons = {run: _reason(item, found) for run, item in explained.items()}
-    session = replace(session, mistakes=kept, explained=tuple(explained.values()))
+    explained = tuple(item for item in single if item.runs[0] in reasons)
+    kept = tuple(item for item in session.mistakes if item not in explained)
+    session = replace(session, mistakes=kept, explained=explained)
     return replace(found, session=replace(session, left_out={**session.left_out, **reasons}))
 
 
 def _reason(mistake: Mistake, found: Diagnosis) -> str:
-    effects = " and ".join(sorted(found.chosen))
-    return f"taken for {mistake.kind} at first; with {effects} it moves as its file says"
+    """Why a run is no mistake with the effects found; empty if it is one."""
+    name, with_them = mistake.runs[0], f"taken for {mistake.kind} at first; with {' and '.join(sorted(found.chosen))}"
+    if mistake.kind in BY_MODEL and _is_explained(found, name):
+        return f"{with_them} it moves as its file says"
+    if mistake.kind in READ and not _is_read_so(found, name):
+        return f"{with_them} that fits it no better than its file, and neither shows anything about the model"
+    return ""
+
+
+def _is_read_so(found: Diagnosis, name: str) -> bool:
+    """Whether a run that was set aside is taken for a mistake also by the model with the effects found."""
+    assert found.terms is not None
+    aside = [(run, robot) for run, robot in found.session.aside if run.id == name]
+    used = [*aside, *zip(found.session.data, found.session.robots, strict=True)]
+    robots = [corrected_robot(robot, found.terms, found.fit.point) for _, robot in used]
+    return not aside or name in {item.run for item in misread_runs([run for run, _ in used], robots)}
 
 
 def _is_explained(found: Diagnosis, name: str) -> bool:

@@ -61,3 +61,16 @@ def test_mistakes_remain_without_an_effect_that_explains_the_runs(tilted: Diagno
     everywhere = tuple(replace(item, everywhere=True) for item in tilted.session.mistakes)
     shown = replace(tilted, session=replace(tilted.session, mistakes=everywhere))
     assert without_explained_mistakes(shown) is shown
+
+
+def test_a_mistake_that_fits_no_better_than_the_file_with_the_effect_is_none(tilted: Diagnosis) -> None:
+    """A turn on the spot whose friction across the wheels was half the stated one was told to drive backward."""
+    right, wrong = (replace(item, kind="marks-swapped") for item in tilted.session.mistakes)
+    found = without_explained_mistakes(
+        replace(tilted, session=replace(tilted.session, mistakes=(right, wrong)))
+    ).session
+    assert found.mistakes == (wrong,)
+    assert found.left_out == {
+        right.runs[0]: "taken for marks-swapped at first; with plate-tilt that fits it no better than its file, and "
+        "neither shows anything about the model"
+    }

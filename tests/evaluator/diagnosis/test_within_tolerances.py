@@ -95,3 +95,23 @@ def test_a_run_that_cannot_be_simulated_is_infinitely_far(monkeypatch: pytest.Mo
     run: Any = SimpleNamespace(marks_mm=np.zeros((20, 4)))
     robot: Any = SimpleNamespace(tolerance={}, effect=())
     assert misfit_within_tolerances(run, robot) == np.inf
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_each_of_two_turns_is_found_between_which_the_least_step_of_a_value_decides(
+    side: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A turn on the spot on tires was told as one of exchanged marks: its other turn, with the robot the other way."""
+
+    class Forking(Linear):
+        def marks(self, tasks: Sequence[Task]) -> list[np.ndarray]:
+            turns = [np.sign(task.nominal.get("table.name", 0.0)) for task in tasks]
+            return [marks + turn * self.ways[3] for marks, turn in zip(super().marks(tasks), turns, strict=True)]
+
+    monkeypatch.setattr(within_tolerances, "Simulated", Forking)
+    monkeypatch.setattr(within_tolerances, "quantities", lambda *_: [SimpleNamespace(key="known", tolerance=0.5)])
+    monkeypatch.setattr(within_tolerances, "predicted_sigmas", lambda _: "sigmas")
+    robot: Any = SimpleNamespace(tolerance={"table.name": 0.03}, effect=())
+    values = {"known": 0.3, "table.name": 0.02 * side}
+    (marks,) = Forking([robot], [0], {}, "sigmas").marks([Task(0, (0.0,) * PER_RUN, values)])
+    assert misfit_within_tolerances(SimpleNamespace(marks_mm=marks), robot) < 0.01  # type: ignore[arg-type]
