@@ -200,7 +200,7 @@ def test_a_run_of_another_frame_interval_has_another_rate_though_a_command_fits_
     ]
 
 
-@pytest.mark.parametrize(("moves_as", "told"), [((1, 2, 0), 3), ((1, 0, 3), 2), ((3, 3, 3), 0)])
+@pytest.mark.parametrize(("moves_as", "told"), [((1, 2, 0), 3), ((1, 0, 3), 2), ((3, 3, 3), 0), ((1, 3, 3), 0)])
 def test_runs_that_exchanged_their_commands_are_told_beside_a_large_effect(
     moves_as: tuple[int, ...], told: int
 ) -> None:
