@@ -1,7 +1,7 @@
 """Coordinates that no run informs at the fitted values, such as a speed limit that no command exceeds.
 
-Their derivatives are 0, so that linearization leaves them undetermined. But the runs limit such a coordinate: at some
-value, with all else unchanged, the misfit becomes significantly larger.
+Their derivatives are 0, or only rounding beside a limit that acts, so that linearization leaves them undetermined. But
+the runs limit such a coordinate: at some value, with all else unchanged, the misfit becomes significantly larger.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from evaluator.turning.motion.curvature import Z_975
 
 HALVINGS = 6  # bisections of the last doubled step, which determine a limit to about 1 %
 WORSE = Z_975**2  # increase of -2 log density at the end of a 95 % interval
+# Share of that increase which the derivative predicts there, up to which it says nothing of the coordinate.
+HARDLY = 0.01
 MOST_DOUBLINGS = 40  # from a fifth of a visible step, up to impossible values
 
 
@@ -23,8 +25,15 @@ def silent_reaches(problem: Problem, fit: Fit) -> dict[int, float]:
 
     Infinite if no run limits it.
     """
-    silent = [i for i in range(len(fit.columns)) if not any(view.common[:, i].any() for view in fit.linearized)]
-    return {i: _reach(problem, fit, fit.columns[i]) for i in silent if fit.columns[i].term is not None}
+    found = {}
+    for i, column in enumerate(fit.columns):
+        square = sum(float(view.common[:, i] @ view.common[:, i]) for view in fit.linearized)
+        if column.term is None or (square and not column.term.coordinates[column.coordinate].closed):
+            continue
+        reach = _reach(problem, fit, column)
+        if not square or square * reach**2 < HARDLY * WORSE:
+            found[i] = reach
+    return found
 
 
 def _reach(problem: Problem, fit: Fit, column: Column) -> float:

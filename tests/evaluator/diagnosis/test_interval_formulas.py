@@ -87,3 +87,16 @@ def test_a_coordinate_that_no_slope_tells_reaches_as_far_as_the_misfit_allows(st
     assert silence.silent_reaches(runs, silent) == {0: pytest.approx(reach, rel=0.02)}
     nothing: Any = SimpleNamespace(features=lambda _: [np.zeros(2)])
     assert silence.silent_reaches(nothing, silent) == {0: np.inf}
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize(("slope", "silent"), [(1e-3, True), (0.3, False)])
+def test_a_slope_by_rounding_says_nothing_of_a_value_at_its_bound(slope: float, closed: bool, silent: bool) -> None:
+    """Beside a limit of each wheel, the lower end of a limit ahead that does not act was a ramp of 20 s."""
+    term = Candidate("line", (Coordinate("size", 0.0, 1.0, 0.0, 1e3, closed=closed),), LINE.physical)
+    point = Point(np.zeros((1, 7)), terms={"line": (0.0,)})
+    views = [SimpleNamespace(common=np.full((1, 1), slope))]
+    fit: Any = SimpleNamespace(columns=(Column("line", 0, term),), point=point, runs=(0,), linearized=views)
+    runs: Any = SimpleNamespace(features=lambda tasks: [np.array([np.maximum(tasks[0].terms["line"][0] - 2.0, 0.0)])])
+    expected = {0: pytest.approx(2.0 + Z_975, rel=0.02)} if silent and closed else {}
+    assert silence.silent_reaches(runs, fit) == expected
