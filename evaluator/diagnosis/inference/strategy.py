@@ -24,6 +24,7 @@ from simulator.effects.coordinates import Candidate
 # How many of the best by screening are fitted in full: single effects, additions to a set, pairs. Screening is linear,
 # so that its best need not be the best of the fits; these fits are most of the time of a search.
 SINGLES_REFITTED, ADDITIONS_REFITTED, PAIRS_FROM_NULL = 7, 3, 2
+STARTS = 2  # initial values of a set
 WHOLE_CHANGES_REFITTED = 2  # of a threshold between two neighbouring gaps of the commands, where the noise decides
 PAIRED = 14  # offers whose pairs are screened at the null
 BEAM = (2, 1)  # sets of one and of two effects that are extended
@@ -132,7 +133,7 @@ def extend(
 ) -> None:
     """Screen additions to a fitted set, and fit at most `most` promising ones; among: candidates, by default all.
 
-    regardless: of what they promise.
+    regardless: of what they promise, each from one initial value.
     """
     fit = search.reached(ids)
     assert fit is not None
@@ -144,7 +145,7 @@ def extend(
     unasked = [offer for offer in ordered if offer[0] not in search.asked]
     worthwhile = [(offer,) for offer in unasked if view.evidence(offer) > least]
     _fit_asked(search, view, ordered, fit)
-    _refit(search, view, worthwhile, most, fit)
+    _refit(search, view, worthwhile, most, fit, starts=1 if regardless else STARTS)
     if search.problem.horizon_s == np.inf and not search.problem.open_ground:
         _extend_without_scatter(search, fit, smooth, others)
 
@@ -187,9 +188,14 @@ def _ordered(view: Screen, offers: Sequence[tuple[str, tuple[int, ...]]]) -> lis
 
 
 def _refit(
-    search: Search, view: Screen, sets: Sequence[tuple[tuple[str, tuple[int, ...]], ...]], most: int, origin: Fit
+    search: Search,
+    view: Screen,
+    sets: Sequence[tuple[tuple[str, tuple[int, ...]], ...]],
+    most: int,
+    origin: Fit,
+    starts: int = STARTS,
 ) -> None:
-    """Fit the first `most` different sets, each from its two best initial values.
+    """Fit the first `most` different sets, each from its `starts` best initial values.
 
     Once a set explains the runs, at most SINGLES_REFITTED are fitted, and those far below it end early. On open ground
     and over a short horizon the misfit of the null is large: no set is hopeless there.
@@ -202,7 +208,7 @@ def _refit(
         enough = min(most, SINGLES_REFITTED) if explained > -np.inf else most
         if search.exhausted or (len(tries) >= enough and ids not in tries):
             break
-        if tries.get(ids, 0) >= 2 or len(ids) > search.largest:
+        if tries.get(ids, 0) >= starts or len(ids) > search.largest:
             continue
         evidence = view.evidence(*offers)
         top = max(top, evidence)
@@ -210,8 +216,8 @@ def _refit(
         if accurate and evidence < top - HOPELESS and len(tries) >= 3:
             break
         tries[ids] = tries.get(ids, 0) + 1
-        starts = {effect: view.start_of((effect, extra)) for effect, extra in offers}
-        fit_set(search, ids, starts, origin, explained)
+        begun = {effect: view.start_of((effect, extra)) for effect, extra in offers}
+        fit_set(search, ids, begun, origin, explained)
 
 
 def fit_alike(search: Search) -> None:

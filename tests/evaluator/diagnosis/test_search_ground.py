@@ -115,8 +115,9 @@ def test_what_acts_on_the_drive_is_fitted_whatever_its_place_in_the_screening(of
 def test_of_the_drive_what_was_not_fitted_is_tried_and_beside_an_effect_names_alone(
     of_drives: Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where nothing is fitted beside, names are tried whatever they promise: the model is too far off for promises."""
+    """Where nothing is fitted beside, what delays motion is tried whatever it promises: the start absorbs it."""
     lag, names = frozenset({"command-lag"}), {"speed-limit", "dead-band"}
+    of_drives.terms["acceleration-limit"] = cast("Any", None)
     of_drives.fits[lag] = fit_of(lag)
     asked: list[Any] = []
 
@@ -125,10 +126,14 @@ def test_of_the_drive_what_was_not_fitted_is_tried_and_beside_an_effect_names_al
 
     monkeypatch.setattr(search_ground, "extend", extend)
     search_ground.try_drives(of_drives, 95, 0)
-    assert asked == [(frozenset(), names, 2, True), (frozenset(), {*names, DRIVE_FORM}, 3, False)]
+    names.add("acceleration-limit")
+    assert asked == [
+        (frozenset(), {"acceleration-limit"}, 1, True),
+        (frozenset(), {*names, DRIVE_FORM}, 4, False),
+    ]
     asked.clear()
     search_ground.try_drives(of_drives, 95, 1)
-    assert asked == [(lag, names, 2, False)]
+    assert asked == [(lag, names, 3, False)]
 
 
 def test_named_effects_of_the_drive_are_combined_and_their_best_pair_grows_beside_a_better_set(

@@ -105,7 +105,7 @@ def test_a_fit_of_what_the_user_asks_for_begins_where_its_file_says(
     empty, nominal = faster
     begun = []
     monkeypatch.setattr(strategy, "fit_set", lambda _search, ids, starts, *_: begun.append((ids, starts)))
-    monkeypatch.setattr(strategy, "_refit", lambda *_: None)
+    monkeypatch.setattr(strategy, "_refit", lambda *_, **__: None)
     for begin in ((), (0.2, -0.1, 3.0)):
         told = replace(empty.terms["mark-offset"], begin=begin)
         search = replace(empty, terms={**empty.terms, "mark-offset": told}).anew(asked=frozenset({"mark-offset"}))
