@@ -279,18 +279,22 @@ def placed(fit: Any, point: Point) -> Any:
 def test_what_is_promised_two_and_more_is_fitted_the_best_first(monkeypatch: pytest.MonkeyPatch) -> None:
     view = Promises({"a": 101.9, "b": 102.1, "c": 109.0, "ab": 112.0, "ac": 110.9, "bc": 120.0})
     asked: list[tuple[list[str], int]] = []
+    begun: list[int] = []
     monkeypatch.setattr(strategy, "screen", lambda *_: view)
     monkeypatch.setattr(strategy, "replace", placed)
     monkeypatch.setattr(strategy, "_extend_without_scatter", lambda *_: None)
-    monkeypatch.setattr(
-        strategy,
-        "_refit",
-        lambda _, __, sets, most, ___: asked.append((["".join(name for name, _ in each) for each in sets], most)),
-    )
+
+    def refit(_: Any, __: Any, sets: Any, most: int, ___: Any, starts: int = 2) -> None:
+        asked.append((["".join(name for name, _ in each) for each in sets], most))
+        begun.append(starts)
+
+    monkeypatch.setattr(strategy, "_refit", refit)
     search = searching(fits={NONE: of(0.0)})
     search.terms = dict.fromkeys("abcdefghi", LINE)
     strategy.extend(search, NONE)
     assert asked[-1] == (["c", "b"], 3)
+    strategy.extend(search, NONE, regardless=True)
+    assert (asked[-1], begun[-1]) == ((["c", "b", "a"], 3), 1)
     asked.clear()
     search.asked = frozenset("c")
     search.terms = {**search.terms, "c": SimpleNamespace(begin=(), stepwise=False)}
