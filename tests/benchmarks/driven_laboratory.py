@@ -58,13 +58,14 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     """What an answer says, and how it compares with the truth."""
     verdict = answer.get("verdict", "no answer")
     effects = {item["id"]: item for item in answer.get("effects", []) if "id" in item} if verdict == "effect" else {}
-    effect = truth["effect"]
+    effect = truth["effect"]  # None: outside the catalogue; "": nothing is missing
     if not effect:
         right = verdict == ("unknown" if effect is None else "none")
     else:
         right = len(effects) == 1 and any(
             effect in {name, *item.get("equivalent", [])} for name, item in effects.items()
         )
+        right |= verdict == "none" and effect in _told_as_values(answer)
     found = effects.get(effect, {}).get("parameters", {}) if effect else {}
     held = [_holds(name, found[name], value) for name, value in truth["parameters"].items() if name in found]
     return {
@@ -77,6 +78,13 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
         "mistakes": [f"{', '.join(item['runs'])}: {item['kind']}" for item in answer.get("mistakes", [])],
         "reason": answer.get("reason", ""),
     }
+
+
+def _told_as_values(answer: dict[str, Any]) -> set[str]:
+    """Effects equivalent to a known value that is told to be off its tolerance, such as a centre of gravity."""
+    told = [str(sentence) for sentence in answer.get("findings") or []]
+    values = [known for known in answer.get("known_to") or [] if any(s.startswith(f"{known['name']}:") for s in told)]
+    return {effect for known in values for effect in known.get("equivalent") or []}
 
 
 def _holds(name: str, spread: dict[str, Any], true: float) -> bool:
