@@ -144,10 +144,10 @@ def _rivals(content: Json) -> Section | None:
         return None
     title, why = "Alternatives", "reason against it"
     words = [(_names(rival["effects"]), in_words(str(rival.get("reason", "")))) for rival in rivals]
-    if any(rival.get("carries_over") is not None for rival in rivals):  # odds there are no evidence
+    if any(rival.get("carries_over") is not None for rival in rivals):  # odds alone name nothing there
         caption = (
             "The best other sets of effects. On open ground the noise is estimated from what the models leave of these "
-            "same runs, so that their odds decide nothing: an answer also predicts commands that its fit did not see."
+            "same runs, so that odds alone name nothing: an answer also predicts commands that its fit did not see."
         )
         return Section("diagnosis-rivals", title, tables=(Table(caption, ("effects", why), tuple(words), words=True),))
     rows = tuple(

@@ -141,7 +141,7 @@ def test_alternatives_are_behind_by_their_odds_and_nominal_values_are_adjusted_i
     )  # fmt: skip
     ground = [{**rivals[0], "carries_over": False}, {"effects": [], "reason": "no", "carries_over": True}]
     _, alternatives = diagnosis_sections(view({"verdict": "none", "rivals": ground}))
-    assert alternatives.tables[0].head == ("effects", "reason against it")  # odds decide nothing there
+    assert alternatives.tables[0].head == ("effects", "reason against it")  # odds alone name nothing there
     assert alternatives.tables[0].rows == ((first[0], "so"), ("nothing missing", "no"))
     assert diagnosis_sections(None) == ()
     assert [signed_percent(share) for share in (0.0123, None)] == ["+1.2 %", UNKNOWN]
