@@ -8,6 +8,7 @@ than the file any more. Such a run is no mistake; it is not fitted, but reported
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from evaluator.diagnosis.likelihood.run_data import START_POSE
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.misread.hypotheses import misread_runs
 from evaluator.diagnosis.mistakes.misread.judgement import TURNING
-from evaluator.diagnosis.mistakes.recognised import Kind, Mistake
+from evaluator.diagnosis.mistakes.recognised import Kind
 from evaluator.diagnosis.output.effect_tables import corrected_robot
 from evaluator.diagnosis.result import Diagnosis
 
@@ -44,32 +45,31 @@ def without_explained_mistakes(found: Diagnosis) -> Diagnosis:
         return found
     session = found.session
     single = [item for item in session.mistakes if len(item.runs) == 1 and not item.everywhere]
-    reasons = {item.runs[0]: reason for item in single if (reason := _reason(item, found))}
-    if not reasons:
+    moving = {item.runs[0] for item in single if item.kind in BY_MODEL and _is_explained(found, item.runs[0])}
+    asked = {item.runs[0] for item in single if item.kind in READ} - moving
+    unread = asked - _read_so(found, asked) if asked else set()
+    if not moving | unread:
         return found
-    explained = tuple(item for item in single if item.runs[0] in reasons)
+    explained = tuple(item for item in single if item.runs[0] in moving | unread)
+    with_them = f"at first; with {' and '.join(sorted(found.chosen))}"
+    as_file, neither = "it moves as its file says", "that fits it no better than its file, and neither shows anything"
+    reasons = {
+        item.runs[0]: f"taken for {item.kind} {with_them} {as_file if item.runs[0] in moving else neither}"
+        for item in explained
+    }
     kept = tuple(item for item in session.mistakes if item not in explained)
     session = replace(session, mistakes=kept, explained=explained)
     return replace(found, session=replace(session, left_out={**session.left_out, **reasons}))
 
 
-def _reason(mistake: Mistake, found: Diagnosis) -> str:
-    """Why a run is no mistake with the effects found; empty if it is one."""
-    name, with_them = mistake.runs[0], f"taken for {mistake.kind} at first; with {' and '.join(sorted(found.chosen))}"
-    if mistake.kind in BY_MODEL and _is_explained(found, name):
-        return f"{with_them} it moves as its file says"
-    if mistake.kind in READ and not _is_read_so(found, name):
-        return f"{with_them} that fits it no better than its file, and neither shows anything about the model"
-    return ""
-
-
-def _is_read_so(found: Diagnosis, name: str) -> bool:
-    """Whether a run that was set aside is taken for a mistake also by the model with the effects found."""
+def _read_so(found: Diagnosis, names: Collection[str]) -> set[str]:
+    """Those of some runs that were set aside which the model with the effects found takes for mistakes as well."""
     assert found.terms is not None
-    aside = [(run, robot) for run, robot in found.session.aside if run.id == name]
+    aside = [(run, robot) for run, robot in found.session.aside if run.id in names]
     used = [*aside, *zip(found.session.data, found.session.robots, strict=True)]
     robots = [corrected_robot(robot, found.terms, found.fit.point) for _, robot in used]
-    return not aside or name in {item.run for item in misread_runs([run for run, _ in used], robots)}
+    lost = set(names) - {run.id for run, _ in aside}  # not kept, so that nothing new is known of them
+    return lost | {item.run for item in misread_runs([run for run, _ in used], robots)}
 
 
 def _is_explained(found: Diagnosis, name: str) -> bool:
