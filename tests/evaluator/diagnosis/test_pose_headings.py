@@ -30,6 +30,12 @@ def read_as(run: RunData, reading: Callable[[Floats], Floats]) -> RunData:
     return replace(run, marks_mm=np.concatenate([middle + aside, middle - aside], axis=1))
 
 
+def rotated(run: RunData, angle: float) -> RunData:
+    """A run rotated about the origin."""
+    places = (run.marks_mm[:, ::2] + 1j * run.marks_mm[:, 1::2]) * np.exp(1j * angle)
+    return replace(run, marks_mm=np.ascontiguousarray(places).view(float))
+
+
 def runs_read_as(reading: Callable[[Floats], Floats]) -> list[RunData]:
     return [read_as(poses(number), reading) for number in range(6)]
 
@@ -88,6 +94,18 @@ def test_gentle_turns_judge_where_there_are_some(*, every: bool) -> None:
         skewed = read_as(run, lambda heading: heading + RIGHT_ANGLE * (begin_s <= TIME))
         runs.append(replace(skewed, log=RunCommand(Command.steps(steps[every:]), logged=True)))
     assert bool(in_another_convention(runs, [HUSKY] * 6)) == every
+
+
+@pytest.mark.parametrize("along_x", [False, True])
+def test_where_straight_parts_agree_some_force_moves_the_robot_aside_in_turns(*, along_x: bool) -> None:
+    """Along x alone, headings of the wrong sense agree as well, and only the turns show it."""
+    straight = [poses(3 + 6 * number, speed=0.4) for number in range(5)]  # equal sides, each another way
+    if along_x:
+        straight = [rotated(run, -0.3 * (3 + 6 * number)) for number, run in enumerate(straight)]
+    aside = runs_read_as(np.negative if along_x else lambda heading: heading + RIGHT_ANGLE)
+    turning = [run for run in aside if run.left_rpm != run.right_rpm]
+    assert in_another_convention(turning)
+    assert bool(in_another_convention([*straight, *turning])) == along_x
 
 
 def test_two_runs_may_have_been_pushed() -> None:
