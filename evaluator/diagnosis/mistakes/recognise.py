@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 from evaluator.diagnosis.candidates.coordinates import on_open_ground
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, standing_runs, wrong_scale
 from evaluator.diagnosis.mistakes.frame_times import runs_with_lost_frames, wrong_seconds
 from evaluator.diagnosis.mistakes.misread.command_unit import share_a_factor
@@ -20,6 +19,8 @@ from evaluator.diagnosis.mistakes.misread.pose_units import in_another_unit
 from evaluator.diagnosis.mistakes.misread.turn_sense import turned_otherwise
 from evaluator.diagnosis.mistakes.recognised import MOST, Found, Mistake, exchanged_commands, mistakes_of
 from evaluator.diagnosis.mistakes.repainted import repainted_runs
+from evaluator.diagnosis.mistakes.session.another_robot import of_another_robot
+from evaluator.diagnosis.mistakes.session.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from simulator.robot import Robot
 
@@ -75,6 +76,8 @@ def recognise(data: Sequence[RunData], robots: Sequence[Robot]) -> list[Mistake]
             or (kinds.count(item.kind) >= MOST * len(data) and item.kind not in OTHER_WAY)
         ]
         found += _of_the_rest(lambda runs, _: turned_otherwise(runs), *able, found)
+    elif len({item.run for item in found}) < MOST * len(data):  # else a mistake of most runs explains them
+        found += of_another_robot(data, robots)
     said = [
         Mistake((), "outlying", sentence, everywhere=True)
         for sentence in (read.unread for read in reads[-1:])

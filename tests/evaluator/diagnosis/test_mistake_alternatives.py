@@ -11,7 +11,7 @@ from evaluator.diagnosis.likelihood.run_data import RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.intervals import phases_of
 from evaluator.diagnosis.mistakes.misread.alternatives import OFFSETS_S, alternatives, distinct_commands, thinned
-from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _judgements, _misfit, _turned, misread_runs
+from evaluator.diagnosis.mistakes.misread.hypotheses import _extent, _misfit, _turned, judgements_of, misread_runs
 from evaluator.diagnosis.mistakes.misread.judgement import unsigned_speeds
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
@@ -71,7 +71,7 @@ def test_a_run_turns_the_other_way_only_if_it_does_by_a_quarter(turned: float, k
     (marks,) = Simulated([robot], [run], {}).marks([Task(0, (0.0,) * 7)])
     heading = _turned(marks)[-1] * turned
     seen = replace(run, marks_mm=moving(TIME, 1.0, float(heading / TIME[-1])))
-    (judged,) = _judgements([alternatives(thinned(seen), [thinned(seen)], 1.0, 0.02)], [robot])
+    (judged,) = judgements_of([alternatives(thinned(seen), [thinned(seen)], 1.0, 0.02)], [robot])
     assert {way.kind for way in judged.ways} & {"sides-swapped", "mirrored"} == kinds
     assert judged.ways[0].kind is None
     assert len(judged.ways) == len(judged.misfits_mm)

@@ -137,7 +137,7 @@ def test_only_runs_that_misfit_their_file_or_follow_a_log_are_simulated_as_other
         found = zip(ways, ids, speeds, strict=True)
         return [Judgement(way, np.full(len(way), misfits[run]), 10.0, pair) for way, run, pair in found]
 
-    monkeypatch.setattr(hypotheses, "_judgements", judged)
+    monkeypatch.setattr(hypotheses, "judgements_of", judged)
     monkeypatch.setattr(hypotheses, "MOST_AT_ONCE", 2)
     found = _judged_runs(data, [ROBOT] * 4, lambda k: [Alternative(None, data[k]), Alternative("mirrored", data[k])])
     assert [(item.ways[0].run.id, len(item.ways)) for item in found] == [("r0", 1), ("r1", 2), ("r2", 2), ("r3", 2)]
@@ -172,7 +172,7 @@ def test_of_hundreds_of_runs_that_disagree_a_sample_is_compared_with_all_mistake
             found.append(Judgement(of_run, np.array([misfits[way.kind] for way in of_run]), 10.0, ()))
         return found
 
-    monkeypatch.setattr(hypotheses, "_judgements", judged)
+    monkeypatch.setattr(hypotheses, "judgements_of", judged)
     monkeypatch.setattr(hypotheses, "thinned", lambda run: run)
     monkeypatch.setattr(hypotheses, "alternatives", lambda run, *_: [Alternative(kind, run, "x") for kind in kinds])
     monkeypatch.setattr(hypotheses, "speed_factors", lambda data, _: [None] * len(data))

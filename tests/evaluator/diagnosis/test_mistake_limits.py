@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluator.diagnosis.mistakes.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.disturbances import disturbed_runs, wrong_scale
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import without_regimes
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.recognise import recognise
 from evaluator.diagnosis.mistakes.recognised import Found, mistakes_of
+from evaluator.diagnosis.mistakes.session.copies import contradicting_copies, copies
 from evaluator.diagnosis.mistakes.start.late_start import late_starts
 from tests.evaluator.diagnosis.straight_session import ROBOT, driven, kinds, session
 

@@ -11,13 +11,13 @@ import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
 from evaluator.diagnosis.mistakes import outlying
-from evaluator.diagnosis.mistakes.copies import copies
 from evaluator.diagnosis.mistakes.misread import belief, hypotheses
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative, correction_to
 from evaluator.diagnosis.mistakes.misread.hypotheses import _judged, _worst_of_good, misread_runs, reading_of
 from evaluator.diagnosis.mistakes.misread.judgement import Judgement
 from evaluator.diagnosis.mistakes.outlying import has_similar_runs, outlying_run, turns_like_others
 from evaluator.diagnosis.mistakes.recognised import Correction, Found, Kind, exchanged_commands, mistakes_of
+from evaluator.diagnosis.mistakes.session.copies import copies
 from evaluator.interchange.commands import RunCommand
 from simulator.command import Command
 from simulator.robot import load_robot
@@ -238,7 +238,7 @@ def test_a_run_known_to_disagree_is_read_however_small_its_misfit_and_at_any_rat
 ) -> None:
     run = driven(0)
     ways = [Alternative(None, run), Alternative("wrong-rate", run, "moves as if")]
-    monkeypatch.setattr(hypotheses, "_judgements", lambda *_: [Judgement(ways, np.array([0.2, 0.01]), 10.0, ())])
+    monkeypatch.setattr(hypotheses, "judgements_of", lambda *_: [Judgement(ways, np.array([0.2, 0.01]), 10.0, ())])
     found = reading_of(run, [driven(1)], ROBOT)
     assert found is not None
     assert found.kind == "wrong-rate"
@@ -276,7 +276,7 @@ def test_frame_intervals_of_a_run_differ_from_those_of_the_session_by_four_perce
 
     monkeypatch.setattr(hypotheses, "alternatives", noted)
     monkeypatch.setattr(
-        hypotheses, "_judgements", lambda ways, _: [Judgement(of_run, np.ones(1), 1.0, ()) for of_run in ways]
+        hypotheses, "judgements_of", lambda ways, _: [Judgement(of_run, np.ones(1), 1.0, ()) for of_run in ways]
     )
     assert misread_runs(data, [ROBOT] * 5) == []
     assert asked[2] == (said if said is None else pytest.approx(said), 0.04)

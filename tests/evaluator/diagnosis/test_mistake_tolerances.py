@@ -19,7 +19,7 @@ from evaluator.diagnosis.likelihood.within_tolerances import misfit_within_toler
 from evaluator.diagnosis.mistakes.misread import belief
 from evaluator.diagnosis.mistakes.misread.alternatives import Alternative
 from evaluator.diagnosis.mistakes.misread.belief import is_beyond_tolerances
-from evaluator.diagnosis.mistakes.misread.hypotheses import _judgements, misread_runs
+from evaluator.diagnosis.mistakes.misread.hypotheses import judgements_of, misread_runs
 from evaluator.diagnosis.mistakes.misread.judgement import BETTER, Judgement
 from evaluator.diagnosis.mistakes.recognised import Found
 from evaluator.settings import KnownTo
@@ -45,7 +45,7 @@ def run_of(
 def is_other_command(run: RunData) -> tuple[bool, bool]:
     """Whether half the command fits a run three times better than its file, as it is and within tolerances."""
     ways = [Alternative(None, run), Alternative("wrong-command", replace(run, left_rpm=OTHER[0], right_rpm=OTHER[1]))]
-    (item,) = _judgements([ways], [TIRES])
+    (item,) = judgements_of([ways], [TIRES])
     better = BETTER * item.misfits_mm[1] <= item.misfits_mm[0]
     return bool(better), is_beyond_tolerances(Found(run.id, "wrong-command", "", ""), item, TIRES)
 
@@ -74,15 +74,16 @@ def test_a_run_under_a_spring_of_the_robot_file_is_compared_from_where_it_begins
     pose = (4.8, 7.5, 2.6, 0.0, 0.0, 0.0, 0.0)
     (marks,) = Simulated([robot], [blank], {}).marks([Task(0, pose)])
     run = replace(blank, marks_mm=marks)
-    assert _judgements([[Alternative(None, run)]], [robot])[0].misfits_mm[0] < 0.05
+    assert judgements_of([[Alternative(None, run)]], [robot])[0].misfits_mm[0] < 0.05
     assert misfit_within_tolerances(run, robot) < 0.05
-    assert _judgements([[Alternative(None, replace(run, marks_mm=marks + 25.0))]], [robot])[0].misfits_mm[0] > 1.0
+    assert judgements_of([[Alternative(None, replace(run, marks_mm=marks + 25.0))]], [robot])[0].misfits_mm[0] > 1.0
 
 
 def test_values_within_tolerances_explain_a_run_to_a_hundredth_of_its_misfit() -> None:
     run = run_of(-0.08)
     assert (
-        misfit_within_tolerances(run, TIRES) < 0.01 * _judgements([[Alternative(None, run)]], [TIRES])[0].misfits_mm[0]
+        misfit_within_tolerances(run, TIRES)
+        < 0.01 * judgements_of([[Alternative(None, run)]], [TIRES])[0].misfits_mm[0]
     )
     exchanged = replace(run, left_rpm=STATED[1], right_rpm=STATED[0])
     assert misfit_within_tolerances(exchanged, TIRES) > 0.3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evaluator.diagnosis.likelihood.run_data import RunData
-from evaluator.diagnosis.mistakes.copies import copies
+from evaluator.diagnosis.mistakes.session.copies import copies
 from tests.evaluator.diagnosis.marks_of_motion import TIME, moving, recorded
 
 ORIGINAL = replace(recorded(moving(TIME)), id="original")

@@ -133,7 +133,7 @@ def _unread(runs: int, odd: int) -> str:
 def reading_of(run: RunData, others: Sequence[RunData], robot: Robot) -> Found | None:
     """The mistake that a run fits, for a run known to disagree with a robot that explains all others; None if none."""
     thin = thinned(run)
-    (judgement,) = _judgements([alternatives(thin, distinct_commands([thin, *others]), None, SAME_INTERVAL)], [robot])
+    (judgement,) = judgements_of([alternatives(thin, distinct_commands([thin, *others]), None, SAME_INTERVAL)], [robot])
     return _judged(judgement, {"wrong-rate"}, least_share=0.0)
 
 
@@ -153,7 +153,7 @@ def _judged_runs(
 
     The delays of all logs are compared (late_alike), so that runs with a log are judged by every hypothesis.
     """
-    judgements = _judgements([[Alternative(None, run)] for run in data], robots)
+    judgements = judgements_of([[Alternative(None, run)] for run in data], robots)
     least = _least_shares(judgements)
 
     def judge(runs: Sequence[int], kinds: Collection[Kind] | None = None) -> None:
@@ -161,7 +161,7 @@ def _judged_runs(
         for first in range(0, len(runs), MOST_AT_ONCE):
             some = runs[first : first + MOST_AT_ONCE]
             ways = [[way for way in ways_of(k) if not kinds or way.kind in (None, *kinds)] for k in some]
-            for k, judgement in zip(some, _judgements(ways, [robots[k] for k in some]), strict=True):
+            for k, judgement in zip(some, judgements_of(ways, [robots[k] for k in some]), strict=True):
                 judgements[k] = judgement
 
     odd = [k for k in range(len(data)) if not judgements[k].share < least[k]]
@@ -186,7 +186,7 @@ def _common_kinds(judgements: Sequence[Judgement], least: Sequence[float]) -> se
     return {kind for kind, count in counts.items() if 2 * count > len(judgements)}
 
 
-def _judgements(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
+def judgements_of(ways: Sequence[list[Alternative]], robots: Sequence[Robot]) -> list[Judgement]:
     """Simulate all hypotheses on all runs in one batch.
 
     Each begins where its marks are: effects of the robot file that are fixed in the plate, such as a spring to an
