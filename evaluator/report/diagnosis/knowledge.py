@@ -6,7 +6,7 @@ from typing import Any
 
 from evaluator.report.diagnosis.gap import predicts_worse
 from evaluator.report.diagnosis.values import value_text, with_interval
-from evaluator.report.diagnosis.words import as_sentence, effect_words
+from evaluator.report.diagnosis.words import FAR, as_sentence, effect_words
 from evaluator.report.numbers import UNKNOWN, number
 from evaluator.report.pages.html import Section, Table
 from evaluator.turning.motion.curvature import Z_975
@@ -21,7 +21,6 @@ FURTHER = (
     "If a measurement confirms the robot file there, a further effect is missing, and the sizes found may be off "
     "by more than their intervals."
 )
-FAR = 2.0  # stated standard deviations from which a deviation is marked in the table
 
 
 def mistake_sentences(content: Json) -> list[str]:

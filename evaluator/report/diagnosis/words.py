@@ -16,6 +16,8 @@ from simulator.effects.magnet_strength import LOAD_RATIO
 
 Json = dict[str, Any]
 
+FAR = 2.0  # stated standard deviations from which the deviation of a known value is told apart
+
 
 def verdict_sentence(content: Json) -> str:
     """The verdict with the size of what was found, in one sentence."""
@@ -36,7 +38,8 @@ def verdict_sentence(content: Json) -> str:
     if lacking := content.get("not_driven"):
         missing += f" in runs without {' and without '.join(lacking)}"
     return {
-        "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances{but}.",
+        "none": f"Nothing is {missing}: the model explains these runs within noise, scatter and tolerances"
+        f"{_strained_values(content)}{but}.",
         "insufficient": "The search ended before a decision."
         if content.get("stopped")
         else "These runs cannot decide whether an effect is missing, or which.",
@@ -57,6 +60,19 @@ def _values_off(content: Json) -> str:
     if findings:
         return f"{'; '.join(findings)} ({'each ' * (len(findings) > 1)}more than three tolerances)"
     return str((content.get("known_together") or {}).get("sentence") or "").partition(" (")[0]
+
+
+def _strained_values(content: Json) -> str:
+    """Values that the explanation needs certainly beyond FAR tolerances, yet not so far that they contradict these."""
+    strained = []
+    for item in content.get("known_to") or []:
+        value, taken, low, high = (item.get(key) for key in ("found", "taken", "low", "high"))
+        if item.get("from_run") or not taken or None in (value, low, high) or max(low, -high) <= FAR * taken:
+            continue
+        unit = "" if item.get("unit") == "1" else f" {item.get('unit')}"
+        size = with_interval({"value": value, "low": low, "high": high})[0]
+        strained.append(f"{item.get('name')} is off by {size}{unit} ({abs(value) / taken:.1f} tolerances)")
+    return f", if {' and '.join(strained)}" if strained else ""
 
 
 def _description(content: Json) -> str:

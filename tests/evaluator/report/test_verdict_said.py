@@ -179,3 +179,23 @@ def test_the_page_says_what_the_verdict_is_with_rivals_and_effects_that_cannot_b
     (verdict, *_) = diagnosis_sections(DiagnosisView(content, None, outdated=True))
     assert verdict.text[0].startswith("The diagnosis is out of date, because recordings, robot or program changed")
     assert diagnosis_sections(None) == ()
+
+
+def test_nothing_is_missing_if_values_are_off_that_are_certainly_beyond_two_tolerances() -> None:
+    """A centre of gravity 40.2 mm [39.7, 40.7] off, of 14 mm, stood below a headline that nothing is missing."""
+    gravity = {"quantity": "x", "name": "centre of gravity", "unit": "mm", "taken": 14.0, "found": 40.2}
+    sure = {**gravity, "low": 39.7, "high": 40.7}
+    ratio = {"quantity": "r", "name": "left over right", "unit": "1", "taken": 0.007, "found": -0.0152}
+    known = [
+        sure,
+        {**gravity, "low": 27.9, "high": 52.5},  # its near end is within two tolerances
+        {**gravity, "low": None, "high": None},
+        {**sure, "from_run": "r3"},
+        {**ratio, "low": -0.0155, "high": -0.0149},
+    ]
+    said = verdict_sentence({"verdict": "none", "known_to": known})
+    assert said == (
+        "Nothing is missing: the model explains these runs within noise, scatter and tolerances, if centre of gravity "
+        "is off by 40.2 mm (2.9 tolerances) and left over right is off by −0.0152 (2.2 tolerances)."
+    )
+    assert verdict_sentence({"verdict": "none", "known_to": known[1:4]}).endswith("scatter and tolerances.")
