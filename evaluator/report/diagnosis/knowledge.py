@@ -131,7 +131,7 @@ def _row(item: Json) -> tuple[str, ...]:
     name = str(item.get("name") or item["quantity"])
     return (
         name,
-        _unit(item).strip(),
+        str(item.get("unit") or ""),
         value_text(item.get("taken")),
         found,
         interval,

@@ -80,7 +80,7 @@ def test_quantities_stand_in_a_table_with_what_was_assumed_and_found() -> None:
     assert section is not None
     assert section.tables[0].rows == (
         ("track", "mm", "0.02", "0.041", "0.030 to 0.050", "far"),
-        ("b", "", "0.5", "−1", UNKNOWN, ""),
+        ("b", "1", "0.5", "−1", UNKNOWN, ""),
         ("c", "", UNKNOWN, UNKNOWN, UNKNOWN, ""),
     )
     assert section.text[0] == "r1 is off."
