@@ -209,7 +209,9 @@ def _spread(time: Array, place: Array) -> float:
     parts = np.array_split(np.arange(len(time)), PIECES)
     if len(parts[0]) < 2 * FEWEST_FRAMES:
         return 0.0
-    found = [_circle(time[part], place[part])[0] for part in parts]
-    values, noise = np.array([c.value for c in found]), float(np.mean([c.sigma**2 for c in found]))
+    found = [_circle(time[part], place[part])[:2] for part in parts]
+    # to the left of the motion: a fit that begins with a line may run against it
+    values = np.array([curvature.value * np.sign(along[-1] - along[0]) for curvature, along in found])
+    noise = float(np.mean([curvature.sigma**2 for curvature, _ in found]))
     variance = float(np.var(values, ddof=1)) - 2 * noise  # twice: a few values scatter by chance
     return float(np.sqrt(max(variance, 0.0)) / abs(values.mean())) if values.mean() else 0.0

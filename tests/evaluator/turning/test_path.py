@@ -221,13 +221,21 @@ def test_spread_between_quarters_is_their_scatter_less_twice_the_noise() -> None
 
 def test_noise_of_four_quarters_is_taken_twice_off_their_scatter(monkeypatch: pytest.MonkeyPatch) -> None:
     found = [
-        (Curvature(k, k, k, sigma), np.zeros(1), np.zeros(1))
+        (Curvature(k, k, k, sigma), np.arange(2.0), np.zeros(1))
         for k, sigma in zip((0.18, 0.18, 0.22, 0.22), (0.01, 0.01, 0.0, 0.0), strict=True)
     ]  # variances of 1e-4 and 0: 5e-5 in the mean
     for values, spread in ((found, np.sqrt(0.02**2 * 4 / 3 - 1e-4) / 0.2), (found[:1] * 4, 0.0)):
         quarters = iter(values)
         monkeypatch.setattr(path, "_circle", lambda *_, quarters=quarters: next(quarters))
         assert _spread(np.arange(64.0), np.zeros((64, 2))) == pytest.approx(spread)
+
+
+@pytest.mark.parametrize("radius", [5.0, -5.0])
+def test_quarters_of_a_noisy_arc_bend_to_one_side_whichever_way_their_fits_begin(radius: float) -> None:
+    """Where a quarter began with a line that ran against the motion, clean turns of 25 degrees had no single radius."""
+    arcs = [on_circle(radius, 25.0, 94, 0.002, seed) for seed in range(20)]
+    assert max(_spread(*arc) for arc in arcs) < 0.7
+    assert sum(np.isfinite(measure_path(*arc).radius) for arc in arcs) == 20
 
 
 @pytest.mark.parametrize(
