@@ -10,6 +10,7 @@ import pytest
 from evaluator.diagnosis.likelihood.run_data import PER_RUN, RunData, Task
 from evaluator.diagnosis.likelihood.simulation import Simulated
 from evaluator.diagnosis.mistakes.recognise import recognise
+from evaluator.diagnosis.mistakes.session import another_robot
 from evaluator.diagnosis.mistakes.session.another_robot import of_another_robot
 from simulator.effects.entry import EffectEntry
 from simulator.robot import Robot, load_robot
@@ -50,6 +51,14 @@ def test_a_session_has_its_robot_unless_most_of_several_turns_are_those_of_anoth
 ) -> None:
     runs = runs_of(driven, commands)
     assert of_another_robot(runs, [TIRES] * len(runs)) == []
+
+
+def test_of_many_turns_some_are_judged_and_all_runs_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(another_robot, "MOST_JUDGED", 4)
+    runs = runs_of(BARREL, COMMANDS)
+    found = of_another_robot(runs, [TIRES] * len(runs))
+    assert [item.run for item in found] == [run.id for run in runs]
+    assert "(4 of 4 turns; distance" in found[0].seen
 
 
 def test_two_robots_of_one_session_are_not_judged() -> None:

@@ -17,6 +17,7 @@ from simulator.robot import Robot, load_robot, shipped_robots
 Floats = NDArray[np.float64]
 
 FEWEST = 3  # turns that disagree: of fewer, each may have a mistake of its own
+MOST_JUDGED = 100  # turns: more of a session of thousands tell the same
 # Misfit of the right robot over the extent of the path, at most, for most of the turns: an effect that makes one robot
 # turn as another in every command to a twentieth is not known. With the right file 0.01 to 0.05.
 ALIKE_SHARE = 0.05
@@ -30,7 +31,8 @@ def of_another_robot(data: Sequence[RunData], robots: Sequence[Robot]) -> list[F
     turns = [k for k, run in enumerate(data) if any(item.left_rpm != item.right_rpm for item in run.run_command.driven)]
     if len(turns) < FEWEST or len({id(robot) for robot in robots}) > 1:
         return []
-    stated, runs = robots[0], [thinned(data[k]) for k in turns]
+    some = np.unique(np.linspace(0, len(turns) - 1, min(len(turns), MOST_JUDGED)).astype(int))
+    stated, runs = robots[0], [thinned(data[turns[k]]) for k in some]
 
     def judged(robot: Robot) -> tuple[Floats, Floats]:
         """Misfits (n,) of the turns, mm, and their shares of the extent."""
@@ -39,7 +41,7 @@ def of_another_robot(data: Sequence[RunData], robots: Sequence[Robot]) -> list[F
 
     off_mm, shares = judged(stated)
     odd = shares >= MISFIT_SHARE
-    if odd.sum() < max(FEWEST, len(turns) / 2):
+    if odd.sum() < max(FEWEST, len(runs) / 2):
         return []
     marks = {"marks": stated.marks, "mark": stated.mark}
     for name in shipped_robots():
@@ -48,7 +50,7 @@ def of_another_robot(data: Sequence[RunData], robots: Sequence[Robot]) -> list[F
         if (fits & odd).sum() >= MOST * odd.sum():
             stated_mm, named_mm = (float(np.median(values[odd])) for values in (off_mm, misfits_mm))
             seen = (
-                f"turns as the robot {name}, not as its file says ({(fits & odd).sum()} of {len(turns)} turns; "
+                f"turns as the robot {name}, not as its file says ({(fits & odd).sum()} of {len(runs)} turns; "
                 f"distance of simulated and measured marks: {stated_mm:.2g} mm as stated in the file, "
                 f"{named_mm:.2g} mm as {name})"
             )
