@@ -13,6 +13,7 @@ from simulator.effects.parameter import UNITS, Unit
 
 Json = dict[str, Any]
 
+NO_LIMIT = "∞"  # text of a limit that limits nothing
 
 # Of an error of the robot's speed without a simple law.
 OF_SPEED = {
@@ -80,7 +81,7 @@ def sizes(name: str, value: Json, effect_id: str = "") -> tuple[str, str, str]:
     bounds = [math.inf if bound is not None and bound >= declared.absent else bound for bound in given]
     if math.inf not in bounds:
         return with_interval(value)
-    best, low, high = ("∞" if bound == math.inf else value_text(bound) for bound in bounds)
+    best, low, high = (NO_LIMIT if bound == math.inf else value_text(bound) for bound in bounds)
     return best, low, high
 
 

@@ -16,6 +16,10 @@ NONE_SIGNIFICANT = (
     f"no single dependence of the disagreement reaches {SHOWN_SIGMAS:g} sigmas, from which it is significant; "
     "the largest:"
 )
+PATTERN_ONLY = (  # the likelihood compares whole paths, a dependence only means of pieces of them
+    "The effects found show in the paths of all runs together; without them, "
+    f"{NONE_SIGNIFICANT.replace('; the largest', ' by itself; the largest')}"
+)
 
 
 def where_sentences(content: Json, most: int) -> list[str]:
@@ -36,7 +40,7 @@ def _opening(content: Json, items: Sequence[Json]) -> str:
         return f"With the nominal values of the robot file, the runs disagree as follows; {tail}"
     explained = bool(content.get("effects")) and closes(content)
     if not any(_reaches(item, SHOWN_SIGMAS) for item in items):
-        return f"Without these effects, {NONE_SIGNIFICANT}" if explained else NONE_SIGNIFICANT.capitalize()
+        return PATTERN_ONLY if explained else NONE_SIGNIFICANT.capitalize()
     return WITHOUT_EFFECTS if explained else ""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from evaluator.diagnosis.candidates.free_form import PREFIX, free_terms
-from evaluator.report.diagnosis.values import parameters, sizes, with_interval
+from evaluator.report.diagnosis.values import NO_LIMIT, parameters, sizes, with_interval
 from evaluator.report.numbers import significant
 from evaluator.wording import NOTHING_MISSING
 from simulator.effects.catalogue import EFFECTS
@@ -110,13 +110,20 @@ def closes(content: Json) -> bool:
 
 
 def _sizes(effect: Json) -> str:
-    """Sizes with their 95 % intervals, for a sentence."""
+    """Sizes with their 95 % intervals, for a sentence; of limits beside one that certainly acts the low bounds only."""
     parts: list[str] = []
+    higher: list[str] = []
+    values = {name: sizes(name, effect["parameters"][name], effect["id"]) for name in effect["parameters"]}
+    acts = any(high != NO_LIMIT for _, _, high in values.values())
     for name, (words, unit) in parameters(effect).items():
-        best, low, high = sizes(name, effect["parameters"][name], effect["id"])
+        best, low, high = values[name]
+        if acts and high == NO_LIMIT:
+            higher.append(f"{low} {unit} ({words})")
+            continue
         size = f"{best} {unit}".replace(" °", "°").rstrip()
         parts.append(f"{words} {size} [{'' if parts else '95 %: '}{low} to {high}]")
-    return ", " + ", ".join(parts) if parts else ""
+    others = f"; if there are other limits, they are above {' and '.join(higher)}" if higher else ""
+    return ", " + ", ".join(parts) + others if parts else ""
 
 
 # Measurements beside recorded runs that distinguish an effect from its equivalents.

@@ -123,6 +123,20 @@ def test_a_limit_that_limits_nothing_is_infinite_and_a_large_force_is_a_number()
     assert "∞" not in sizes("x_mN", value, "tether-pull")
 
 
+def test_a_verdict_names_the_limits_that_act_and_from_where_on_others_may() -> None:
+    """The headline of limited wheels went on with "ahead ∞ rpm [50.7 to ∞]"."""
+    none = {"value": 1e6, "low": 43.7038, "high": 1e6}
+    acts = {"value": 30.0, "low": 29.0, "high": 31.0}
+    effect = {**CONTRACT["effects"][0], "id": "speed-limit", "name": "limit"}
+    higher = "if there are other limits, they are above 43.7 rpm (ahead) and 43.7 rpm (turn)"
+    for given, told in (
+        ({"wheel_rpm": acts, "ahead_rpm": none, "turn_rpm": none}, f"wheel 30.0 rpm [95 %: 29.0 to 31.0]; {higher}."),
+        ({"wheel_rpm": none, "ahead_rpm": none}, "wheel ∞ rpm [95 %: 43.7 to ∞], ahead ∞ rpm [43.7 to ∞]."),
+    ):
+        content = {**CONTRACT, "effects": [effect | {"parameters": given}]}
+        assert f"Missing in the model: limit (speed-limit), {told}" in verdict_sentence(content)
+
+
 def test_values_far_outside_their_tolerances_are_said_in_the_sentence_of_the_verdict() -> None:
     """The sentence had 90 words: the tolerances follow in a sentence for each value."""
     off = "radius of the left wheel: off by -0.03, tolerance 0.0071"

@@ -125,7 +125,11 @@ def test_a_series_of_a_circular_test_has_the_digits_of_its_intervals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effects", "opening"), [([{"id": "plate-tilt"}], "Without these effects, no single"), ([], "No single")]
+    ("effects", "opening"),
+    [
+        ([{"id": "plate-tilt"}], "The effects found show in the paths of all runs together; without them, no single"),
+        ([], "No single"),
+    ],
 )
 def test_the_largest_disagreement_below_the_limit_of_significance_is_not_told_as_one(
     effects: list[dict[str, Any]], opening: str
