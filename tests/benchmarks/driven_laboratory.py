@@ -20,6 +20,8 @@ from tests.benchmarks.laboratory import diagnosis_of
 from tests.benchmarks.laboratory_table import share
 from tests.driven_laboratory.session import KINDS, draw, write
 
+RELEVANT_SHARE = 0.5  # of the noise: what moves less is not part of a verdict ([relevant] of experiment.toml)
+
 
 def main() -> None:
     """Draw, diagnose, score, print."""
@@ -66,10 +68,12 @@ def scored(truth: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
             effect in {name, *item.get("equivalent", [])} for name, item in effects.items()
         )
         right |= verdict == "none" and effect in _told_as_values(answer)
+    right |= verdict == "none" and truth["moves"] < RELEVANT_SHARE
     found = effects.get(effect, {}).get("parameters", {}) if effect else {}
     held = [_holds(name, found[name], value) for name, value in truth["parameters"].items() if name in found]
     return {
         "verdict": verdict,
+        "moves": truth["moves"],
         "named": {
             name: {key: spread["value"] for key, spread in item["parameters"].items()} for name, item in effects.items()
         },
@@ -97,6 +101,7 @@ def _holds(name: str, spread: dict[str, Any], true: float) -> bool:
 def _line(row: dict[str, Any]) -> str:
     said = " ".join(f"{name} {json.dumps(values)}" for name, values in row["named"].items())
     mark, mistakes = "right" if row["right"] else "WRONG", "; ".join(row["mistakes"])
+    said += f" (moves {row['moves']:.2g} noise)" if row["moves"] < RELEVANT_SHARE else ""
     return f"{row['key']:22} {mark} {row['verdict']} {said} {row['seconds']:.0f} s {mistakes} {row['message']}".rstrip()
 
 

@@ -19,6 +19,8 @@ from numba import njit
 
 from tests.driven_laboratory.reference import GRAVITY, STEP_S, Array, Robot, drive
 
+PART_S = 6.0  # of a recording, over which motions with and without what is missing are compared
+
 
 @dataclass(frozen=True)
 class Motors:
@@ -149,6 +151,7 @@ class Session:
     kind: str
     said: Robot
     true: Robot
+    bare: Robot  # the true robot without what is missing in its file
     motors: Motors
     noise: Noise
     commands: list[tuple[Array, Array]]  # of each recording: times (k,), rad/s (k, 2); the last row stops it
@@ -171,16 +174,17 @@ def draw(kind: str, seed: int) -> Session:
     slips = ("friction_x", "friction_y", "stiffness_x", "stiffness_y")
     is_exact = bool(rng.random() < 0.5)
     near |= {name: getattr(said, name) * (1 + 0.05 * rng.standard_normal() * (not is_exact)) for name in slips}
-    true = replace(said, **near)
-    hidden = KINDS[kind][1](rng, true, fastest)
+    bare = replace(said, **near)
+    hidden = KINDS[kind][1](rng, bare, fastest)
     of_motors = {field.name for field in fields(Motors)}
-    true = replace(true, **{key: value for key, value in hidden.items() if key not in of_motors})
+    true = replace(bare, **{key: value for key, value in hidden.items() if key not in of_motors})
     count = int(rng.integers(6, 13))
     rate = float(rng.choice([10.0, 20.0, 50.0]))
     return Session(
         kind=kind,
         said=said,
         true=true,
+        bare=bare,
         motors=Motors(**{key: value for key, value in hidden.items() if key in of_motors}),
         noise=Noise(rate, rng.uniform(0.001, 0.006), rng.uniform(0.002, 0.008), rng.uniform(0, 0.004)),
         commands=[_commands(rng, fastest) for _ in range(count)],
@@ -248,6 +252,35 @@ def _followed(asked: Array, share: float, most: float) -> Array:
         speed += np.minimum(np.maximum(share * (asked[k] - speed), -most), most)
         result[k] = speed
     return result
+
+
+def moves(session: Session) -> float:
+    """How far what is missing moves the robot, in the noise of the poses: RMS of places or headings, the larger one.
+
+    Parts of PART_S are compared after one is laid on the other, as a start pose is not known.
+    """
+    without = replace(session, true=session.bare, motors=Motors())
+    size, part = round(PART_S / STEP_S), slice(None, None, round(0.02 / STEP_S))
+    apart: list[tuple[float, float]] = []
+    for run in range(len(session.commands)):
+        with_it, bare = (
+            drive(each.true, each.friction[run], surface_rad_s(each, run), each.start[run])
+            for each in (session, without)
+        )
+        begins = range(0, len(bare) - size + 1, size)
+        apart += [_apart(with_it[at : at + size][part], bare[at : at + size][part]) for at in begins]
+    place_m, heading_rad = np.sqrt(np.mean(apart, axis=0))
+    noise = session.noise
+    return float(max(place_m / np.hypot(noise.white_m, noise.slow_m), heading_rad / noise.heading_rad))
+
+
+def _apart(poses: Array, others: Array) -> tuple[float, float]:
+    """Mean squares of the distances, m², and differences of heading, rad², of two paths laid on each other."""
+    one, other = (each[:, 0] + 1j * each[:, 1] - np.mean(each[:, 0] + 1j * each[:, 1]) for each in (poses, others))
+    turned = np.vdot(one, other)
+    distance = other - one * (turned / abs(turned) if turned else 1.0)
+    angle = others[:, 2] - poses[:, 2]
+    return float(np.mean(abs(distance) ** 2)), float(np.var(angle))
 
 
 def recorded(session: Session, rng: np.random.Generator) -> list[pd.DataFrame]:
@@ -326,7 +359,12 @@ def write(session: Session, folder: Path, truth: Path) -> Path:
         "parameters": parameters(session),
         "true": asdict(session.true),
     }
-    content |= {"said": asdict(said), "motors": asdict(session.motors), "noise": asdict(session.noise)}
+    content |= {
+        "moves": moves(session),
+        "said": asdict(said),
+        "motors": asdict(session.motors),
+        "noise": asdict(session.noise),
+    }
     content |= {"late_s": session.late_s.tolist(), "friction": session.friction.tolist()}
     (truth / "truth.json").write_text(json.dumps(content, indent=1), encoding="utf-8")
     return path

@@ -14,7 +14,7 @@ from simulator.robot import load_robot
 from simulator.run import State
 from simulator.simulation import simulate
 from tests.driven_laboratory.reference import STEP_S, drive
-from tests.driven_laboratory.session import KINDS, Motors, Session, draw, parameters, surface_rad_s, write
+from tests.driven_laboratory.session import KINDS, Motors, Session, draw, moves, parameters, surface_rad_s, write
 
 FEW_S = 9.0  # of a recording
 
@@ -26,11 +26,8 @@ def driven(kind: str, slides: bool) -> Session:
     hidden = {name: getattr(found.true, name) for name in ("centre_of_gravity_m", "slope", "viscous_N_s_m", "scrub_m")}
     hidden["centre_of_gravity_m"] = (hidden["centre_of_gravity_m"][0], 0.0)
     true = replace(found.said, slides=slides, **hidden)
-    times, rows = found.commands[0]
-    kept = times < FEW_S
-    commands = [(np.append(times[kept], FEW_S), np.vstack([rows[kept], [[0.0, 0.0]]]))]
     said = replace(found.said, slides=slides)
-    first = replace(found, said=said, true=true, commands=commands, start=found.start[:1], motors=Motors())
+    first = replace(_first(found), said=said, true=true, motors=Motors())
     return replace(first, friction=np.ones(1), late_s=np.zeros(1))
 
 
@@ -79,3 +76,19 @@ def test_a_session_is_that_of_its_seed_and_says_nothing_of_what_it_hides(tmp_pat
         "experiment.toml", "r01.csv", "r01_commands.csv", "robot.toml",
     ]  # fmt: skip
     assert "payload" not in "".join(file.read_text(encoding="utf-8") for file in path.parent.iterdir())
+
+
+def test_how_far_what_is_missing_moves_a_robot_is_told_in_its_noise() -> None:
+    """Friction that fades hardly changes the paths of seed 17: "none" is the right verdict there."""
+    assert moves(_first(draw("none", 3))) < 1e-9
+    assert moves(_first(draw("fading", 17))) < 0.2
+    assert moves(_first(draw("drag", 3))) > 1.0
+
+
+def _first(session: Session) -> Session:
+    """The first seconds of its first recording alone."""
+    times, rows = session.commands[0]
+    kept = times < FEW_S
+    few = [(np.append(times[kept], FEW_S), np.vstack([rows[kept], [[0.0, 0.0]]]))]
+    given = {name: getattr(session, name)[:1] for name in ("friction", "start", "late_s")}
+    return replace(session, commands=few, **given)
